@@ -9,7 +9,7 @@ import pytest
 
 from tautwave.controller.steps import OWN_GUARDS, Guard, Law
 from tautwave.testing import CouplingBench, CouplingContract
-from tautwave.testing.steps import at_random, controller, drive
+from tautwave.testing.steps import CYCLES, at_random, controller, drive, there_and_back
 from tests.parts.test_suites import example
 
 KEPT: list[float] = []
@@ -54,6 +54,22 @@ def alarmed(s: Any, p: Any, coast: float) -> float:
     if s.position > 1e-3:
         s.alarm = OWN_GUARDS + 7
     return own_think(s, p, coast)
+
+
+def test_what_is_moved_there_and_back_begins_and_ends_at_rest() -> None:
+    """x = 0.1 r sin p and y = 0.05 r sin 2 p, r = (1 - cos p) / 2: exact at eighths of a turn."""
+    half, low, high = math.sqrt(0.5), 0.5 - 0.5 * math.sqrt(0.5), 0.5 + 0.5 * math.sqrt(0.5)
+    quarter = [(0.0, 0.0), (low * half, low), (0.5, 0.0), (high * half, -high)]
+    eighths = [*quarter, (0.0, 0.0), *((-x, -y) for x, y in reversed(quarter))]
+    for (x, y, *rest), (one, two) in zip(there_and_back(9), eighths, strict=True):
+        assert (x, y) == pytest.approx((0.1 * one, 0.05 * two), abs=1e-15)
+        assert rest == [True, True, 0]
+    moves = list(there_and_back())
+    assert len(moves) == CYCLES
+    for first, second in (moves[:2], moves[:-3:-1]):
+        assert first[:2] == pytest.approx((0.0, 0.0), abs=1e-15)
+        assert abs(second[0]) < 1e-9
+        assert abs(second[1]) < 1e-9
 
 
 @pytest.mark.parametrize(

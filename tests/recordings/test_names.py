@@ -50,6 +50,9 @@ SCHEMA = message(9.0, opcode=Opcode.SCHEMA)
         (A + message(5.0) + B, [[1, 2], [3, 4]]),  # of another channel
         (A + message(5.0, 6.0, 7.0) + B, [[1, 2], [3, 4]]),
         (A + B[:-1], [[1, 2]]),
+        (A + B + A[:1], [[1, 2], [3, 4]]),
+        (A, [[1, 2]]),
+        (b"", []),
         (A + B[:8], [[1, 2]]),
         (SCHEMA, []),
     ],

@@ -8,13 +8,14 @@ import yaml
 
 from tautwave.certificate import Element
 from tautwave.config import Rig, bus_spec, load_rig
-from tautwave.config.keys.calibration import AxisCalibration
+from tautwave.config.keys.calibration import AxisCalibration, Calibration
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.couplings.wave.servos.admittance import admittance_element
 from tautwave.laws.servo.follower import FollowerParams
 from tautwave.rig import command_delays
-from tautwave.rig.calibrated import CalibratedDriver
+from tautwave.rig.calibrated import CalibratedDriver, calibrated
 from tautwave.runtime.following import FollowingDriver
+from tautwave.runtime.sensing import LoopBus
 from tautwave.truth import PositionLoop
 from tautwave.types import AxisCommand, CommandDelay, JointState
 from tautwave_sim.axis import SimulatedAxis
@@ -108,13 +109,14 @@ def test_a_simulated_device_that_is_not_as_believed_fails(change: Tree, says: st
 
 
 class Recorder:
-    """A driver that keeps what it is told; its one device is at `place`."""
+    """A driver that keeps what it is told; its devices, one as a rule, are at `place`."""
 
     def __init__(self, delay: CommandDelay) -> None:
         self.command_delay = delay
         self.sent: list[float] = []
         self.place = 0.0
         self.valid = True
+        self.devices = 1
 
     def open(self) -> None: ...
     def enable_step(self) -> bool:
@@ -122,7 +124,7 @@ class Recorder:
 
     def request(self) -> None: ...
     def read(self, deadline_ns: int) -> list[JointState]:
-        return [JointState(self.place, 0.0, float("nan"), self.valid, 0)]
+        return [JointState(self.place, 0.0, float("nan"), self.valid, 0)] * self.devices
 
     def write(self, commands: list[AxisCommand]) -> None:
         self.sent = [command.position for command in commands]
@@ -177,6 +179,27 @@ def test_a_calibrated_device_is_sent_where_it_counts() -> None:
     assert state.position == pytest.approx(0.2)
     driver.write([AxisCommand(0.0, 0.0, state.position)])
     assert inner.sent == [pytest.approx(0.1)]
+
+
+def test_a_bus_is_turned_where_one_of_its_axes_was_calibrated() -> None:
+    plain = load_rig(CONFIGS / f"{GRIPPER}.yaml")
+    inner = Recorder(CommandDelay(0, 0.0))
+    inner.place, inner.devices = 0.1, 2
+    hand, arm = (
+        LoopBus(name, inner, [f"{side}.elbow", f"{side}.gripper"], 3)
+        for name, side in (("hand", "master"), ("arm", "slave"))
+    )
+    assert calibrated(plain, arm) is arm
+    found = Calibration(axes={"slave.gripper": AxisCalibration(zero=0.3)})
+    rig = plain.model_copy(update={"calibration": found})
+    assert calibrated(rig, hand) is hand
+    turned = calibrated(rig, arm)
+    assert isinstance(turned.driver, CalibratedDriver)
+    assert turned._replace(driver=inner) == arm
+    places = [state.position for state in turned.driver.read(0)]
+    assert places == pytest.approx([0.1, -0.2], rel=1e-12)
+    turned.driver.write([AxisCommand(0.0, 0.0, place) for place in places])
+    assert inner.sent == pytest.approx([0.1, 0.1], rel=1e-12)  # the gripper takes positions
 
 
 def test_a_simulated_position_loop_lags_as_its_numbers_say_and_stays_without_a_goal() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import struct
 import subprocess
@@ -25,6 +26,7 @@ from tautwave.rig.controller import end_constants
 from tautwave.rig.tuning import knobs_of, tunables
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.tuning.desk import Desk, last_left, leave
+from tautwave.runtime.tuning.source import Tuning
 from tautwave.session.engine import with_engine
 from tautwave.session.operating import with_operation
 from tautwave.session.scene_pace import use_engine
@@ -105,6 +107,33 @@ def test_a_wall_that_is_not_touched_stiffens_within_the_ramp() -> None:
     acts = run["tuning.slave.lever.wall_stiffness"]
     assert acts.min() == pytest.approx(2.95)
     assert acts[-1] == 3.0
+
+
+def test_viewers_are_told_of_every_knob_and_of_what_is_fixed() -> None:
+    rig = load_rig(BENCH)
+    control = build_rig(rig, clock="fake").control
+    knobs = [knob for knob in knobs_of(rig, control) if knob.path in (K, FILTER)]
+    desk = Desk(len(knobs))
+    try:
+        facts = tuning_facts(rig, Tuning(knobs, desk, rig.period_s), ["master"])
+        assert facts is not None
+        assert json.loads(json.dumps(facts)) == facts
+        assert facts["knobs"] == [
+            {"path": FILTER, "column": "tuning.lever.wave_filter_hz", "unit": "Hz",
+             "when": "engaged", "value": 100.0, "low": 5.0, "high": 100.0, "ramped": False},
+            {"path": K, "column": "tuning.slave.lever.wall_stiffness", "unit": "N m/rad",
+             "when": "engaged", "value": 3.0, "low": 0.003, "high": 30.0, "ramped": True},
+        ]  # fmt: skip
+        assert (facts["desk"], facts["hardware"]) == (desk.address, ["master"])
+        assert {one["path"] for one in facts["fixed"]} == {
+            path for path, *_ in tunables(rig) if path not in (K, FILTER)
+        }
+        assert all(one["when"] == "between runs" for one in facts["fixed"])
+        limit = next(x for x in facts["fixed"] if x["path"] == "slave.axes.lever.effort_limit")
+        assert limit["value"] == rig.slave.axes["lever"].effort_limit
+    finally:
+        desk.close()
+    assert tuning_facts(rig, None, []) is None
 
 
 def test_a_set_out_of_its_range_is_left_as_a_whole() -> None:
