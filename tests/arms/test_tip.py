@@ -21,6 +21,7 @@ from tautwave.models.chain.task import at_home, home_place, joint_efforts, task_
 from tautwave.registry import load_driver
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, JointState
 from tautwave_drivers.arm.driver import ArmDriver
+from tautwave_drivers.arm.verdict import _bent
 from tests.arms.motions import move
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "arms"
@@ -263,6 +264,18 @@ def test_an_arm_is_certified_with_what_its_joints_have() -> None:
     assert found["tip of hand"].passive.conditions
     assert found["wall disc of hand"].numbers["noise_w"] > 0.0
     assert found["joint elbow of arm"].numbers["needed_damping"] > 0.0
+
+
+@pytest.mark.parametrize("q", [(0.6, 1.2), (-0.3, 0.9), (2.0, -2.2)])
+def test_slopes_of_joint_efforts_are_second_derivatives(q: tuple[float, float]) -> None:
+    """Of a tip at l1 (cos a, sin a) + l2 (cos (a + b), sin (a + b)), whatever the force's signs."""
+    task = options_of(PLANAR, "hand").task()
+    force = np.array([8.0, 5.0, 0.0, 0.0, 0.0, 0.0])
+    fore = np.array([0.16 * math.cos(sum(q)), 0.16 * math.sin(sum(q))])
+    tip = fore + np.array([0.18 * math.cos(q[0]), 0.18 * math.sin(q[0])])
+    want = [force[:2] @ (np.abs(tip) + np.abs(fore)), force[:2] @ (2.0 * np.abs(fore))]
+    slope = _bent(task, q, place_of(task, q)[1], force)
+    assert slope == pytest.approx(want, abs=4e-4)  # a step of 1e-4, and the third ones at most
 
 
 @pytest.mark.parametrize(

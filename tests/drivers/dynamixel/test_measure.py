@@ -2,11 +2,43 @@
 
 from __future__ import annotations
 
+import os
+import select
+import tty
+
 import pytest
 
+from tautwave_drivers.dynamixel.measure import _bytes, _sdk_fast, _sdk_sync
 from tautwave_drivers.dynamixel.plugin import plugin
+from tautwave_drivers.dynamixel.protocol import packet
 
 pytestmark = pytest.mark.realtime
+
+
+@pytest.mark.parametrize("kind", ["sync", "fast"])
+def test_the_sdk_sends_a_goal_to_each_servo_and_as_much_as_its_floor(kind: str) -> None:
+    """Two cycles on a line where nobody answers: the SDK gives up by itself, after 32 ms."""
+    pytest.importorskip("dynamixel_sdk")
+    line, end = os.openpty()
+    tty.setraw(end)
+    cycle, release = (_sdk_sync if kind == "sync" else _sdk_fast)(os.ttyname(end))
+    floor, answer = _bytes(f"2 servos, {kind}")
+    sent = [b"", b""]
+    for number in range(2):
+        cycle()
+        while len(sent[number]) < len(floor) and select.select([line], [], [], 5.0)[0]:
+            sent[number] += os.read(line, 4096)
+    release()
+    os.close(end)
+    os.close(line)
+    goals = packet.sync_write_packet(102, 2, [(1, b"\1\0"), (2, b"\2\0")])
+    asked = packet.sync_read_packet((1, 2), 126, 10, fast=kind == "fast")
+    assert sent == [goals + asked] * 2
+    assert len(floor) == len(goals + asked)
+    if kind == "sync":
+        assert len(answer) == 2 * (11 + 10)
+    else:  # one packet with an error, a number, ten bytes and a checksum of each servo
+        assert len(answer) == 8 + 2 * (2 + 10 + 2)
 
 
 @pytest.mark.slow
