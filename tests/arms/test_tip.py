@@ -21,7 +21,6 @@ from tautwave.models.chain.task import at_home, home_place, joint_efforts, task_
 from tautwave.registry import load_driver
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, JointState
 from tautwave_drivers.arm.driver import ArmDriver
-from tautwave_drivers.arm.verdict import _bent
 from tests.arms.motions import move
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "arms"
@@ -248,57 +247,6 @@ def test_shipped_rigs_move_and_their_books_close() -> None:
             books = found[f"arm.{bus}.work"] - found[f"arm.{bus}.kinetic"]
             assert np.ptp(books - found[f"arm.{bus}.potential"]) < 1e-11
             assert found[f"tip.{bus}.mapped_given"][-1] < 1e-5
-
-
-def elements(path: Path, *more: str) -> dict[str, Any]:
-    rig = load_rig(path, list(more))
-    from tautwave.certificate.belief import declared_delays
-    from tautwave.certificate.buses import bus_elements
-
-    return {element.name: element for element in bus_elements(rig, declared_delays(rig))}
-
-
-def test_an_arm_is_certified_with_what_its_joints_have() -> None:
-    found = elements(PLANAR)
-    assert all(element.passive.passed for element in found.values())
-    assert found["tip of hand"].passive.conditions
-    assert found["wall disc of hand"].numbers["noise_w"] > 0.0
-    assert found["joint elbow of arm"].numbers["needed_damping"] > 0.0
-
-
-@pytest.mark.parametrize("q", [(0.6, 1.2), (-0.3, 0.9), (2.0, -2.2)])
-def test_slopes_of_joint_efforts_are_second_derivatives(q: tuple[float, float]) -> None:
-    """Of a tip at l1 (cos a, sin a) + l2 (cos (a + b), sin (a + b)), whatever the force's signs."""
-    task = options_of(PLANAR, "hand").task()
-    force = np.array([8.0, 5.0, 0.0, 0.0, 0.0, 0.0])
-    fore = np.array([0.16 * math.cos(sum(q)), 0.16 * math.sin(sum(q))])
-    tip = fore + np.array([0.18 * math.cos(q[0]), 0.18 * math.sin(q[0])])
-    want = [force[:2] @ (np.abs(tip) + np.abs(fore)), force[:2] @ (2.0 * np.abs(fore))]
-    slope = _bent(task, q, place_of(task, q)[1], force)
-    assert slope == pytest.approx(want, abs=4e-4)  # a step of 1e-4, and the third ones at most
-
-
-@pytest.mark.parametrize(
-    ("more", "name", "said"),
-    [
-        ("buses.hand.options.joints.elbow.damping_lower=1e-4", "joint elbow of hand", "raise rate"),
-        (
-            "buses.hand.options.joints.elbow.effort_limit=0.5",
-            "joint elbow of hand",
-            "lower the eff",
-        ),
-        (
-            "buses.hand.options.joints.elbow.inertia_lower=1e-5",
-            "tip of hand",
-            "lower inertia.lower",
-        ),
-        ("master.axes.x.damping=2.0", "tip of hand", "lower damping.lower to"),
-    ],
-)
-def test_what_an_arm_does_not_have_is_refused(more: str, name: str, said: str) -> None:
-    element = elements(PLANAR, more)[name]
-    assert not element.passive.passed
-    assert said in element.passive.reason
 
 
 DISC = "buses.hand.options.walls.disc"

@@ -4,7 +4,6 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from tautwave.errors import RecordingError
 from tautwave.report import write_report
 from tautwave.report.html import image
 from tautwave.report.run.loading import load_run
-from tautwave.report.run.page import write_page
 from tautwave.report.run.tables import loop_table
 from tautwave.report.run.verdicts import verdicts as verdicts_of
 from tautwave.report.units import MISSING, microseconds, quantity, ratio
@@ -240,34 +238,6 @@ def test_several_pairs_are_folded_below_an_overview_and_flat_ones_named(tmp_path
     assert not list(tmp_path.glob("knee-*.svg"))
     assert "stays constant: position and position error, effort transmitted" in page.text
     assert {path.name for path in tmp_path.glob("elbow-*.svg")} >= {"elbow-tracking.svg"}
-
-
-def test_what_does_not_fit_into_the_page_stands_beside_it_and_takes_no_room(tmp_path, monkeypatch):
-    """A page takes pictures up to its size to the byte, small ones after a large one too."""
-
-    class Drawn:
-        def __init__(self, name, size):
-            self.name, self.size = name, size
-
-        def keep(self, directory):
-            (directory / self.name).write_text("drawn")
-            return self.size, lambda: f"<p>{self.name} inside</p>"
-
-        def beside(self):
-            return f"<p>{self.name} beside</p>"
-
-    sizes = {"a": 101, "b": 60, "c": 41, "d": 40, "e": 1, "f": 0}
-    drawn = [Drawn(name, size) for name, size in sizes.items()]
-    monkeypatch.setattr("tautwave.report.run.page._body", lambda run: ["<p>words</p>", *drawn])
-    monkeypatch.setattr("tautwave.report.run.page.PICTURE_BYTES", 100)
-    page = Page(write_page(SimpleNamespace(name="bench", directory=tmp_path)))
-    shown = [line for line in page.text.splitlines() if line.strip()]
-    inside = {"b", "d", "f"}
-    assert shown[-7:] == [
-        "words",
-        *(f"{name} {'inside' if name in inside else 'beside'}" for name in sizes),
-    ]
-    assert all((tmp_path / name).read_text() == "drawn" for name in sizes)
 
 
 def test_the_page_is_readable_in_the_dark(reported):

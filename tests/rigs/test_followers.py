@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
@@ -183,7 +185,7 @@ def test_a_calibrated_device_is_sent_where_it_counts() -> None:
 
 def test_a_bus_is_turned_where_one_of_its_axes_was_calibrated() -> None:
     plain = load_rig(CONFIGS / f"{GRIPPER}.yaml")
-    inner = Recorder(CommandDelay(0, 0.0))
+    inner: Any = Recorder(CommandDelay(0, 0.0))
     inner.place, inner.devices = 0.1, 2
     hand, arm = (
         LoopBus(name, inner, [f"{side}.elbow", f"{side}.gripper"], 3)

@@ -1,0 +1,64 @@
+"""What an arm has for the axes of its tip: certified, refused, and slopes in closed form."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.buses import bus_elements
+from tautwave.config import load_rig
+from tautwave_drivers.arm.verdict import _bent
+from tests.arms.test_tip import PLANAR, options_of, place_of
+
+
+def elements(path: Path, *more: str) -> dict[str, Any]:
+    rig = load_rig(path, list(more))
+    return {element.name: element for element in bus_elements(rig, declared_delays(rig))}
+
+
+def test_an_arm_is_certified_with_what_its_joints_have() -> None:
+    found = elements(PLANAR)
+    assert all(element.passive.passed for element in found.values())
+    assert found["tip of hand"].passive.conditions
+    assert found["wall disc of hand"].numbers["noise_w"] > 0.0
+    assert found["joint elbow of arm"].numbers["needed_damping"] > 0.0
+
+
+@pytest.mark.parametrize("q", [(0.6, 1.2), (-0.3, 0.9), (2.0, -2.2)])
+def test_slopes_of_joint_efforts_are_second_derivatives(q: tuple[float, float]) -> None:
+    """Of a tip at l1 (cos a, sin a) + l2 (cos (a + b), sin (a + b)), whatever the force's signs."""
+    task = options_of(PLANAR, "hand").task()
+    force = np.array([8.0, 5.0, 0.0, 0.0, 0.0, 0.0])
+    fore = np.array([0.16 * math.cos(sum(q)), 0.16 * math.sin(sum(q))])
+    tip = fore + np.array([0.18 * math.cos(q[0]), 0.18 * math.sin(q[0])])
+    want = [force[:2] @ (np.abs(tip) + np.abs(fore)), force[:2] @ (2.0 * np.abs(fore))]
+    slope = _bent(task, q, place_of(task, q)[1], force)
+    assert slope == pytest.approx(want, abs=4e-4)  # a step of 1e-4, and the third ones at most
+
+
+@pytest.mark.parametrize(
+    ("more", "name", "said"),
+    [
+        ("buses.hand.options.joints.elbow.damping_lower=1e-4", "joint elbow of hand", "raise rate"),
+        (
+            "buses.hand.options.joints.elbow.effort_limit=0.5",
+            "joint elbow of hand",
+            "lower the eff",
+        ),
+        (
+            "buses.hand.options.joints.elbow.inertia_lower=1e-5",
+            "tip of hand",
+            "lower inertia.lower",
+        ),
+        ("master.axes.x.damping=2.0", "tip of hand", "lower damping.lower to"),
+    ],
+)
+def test_what_an_arm_does_not_have_is_refused(more: str, name: str, said: str) -> None:
+    element = elements(PLANAR, more)[name]
+    assert not element.passive.passed
+    assert said in element.passive.reason
