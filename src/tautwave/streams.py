@@ -33,7 +33,6 @@ def colour_taps(colour: Sequence[float]) -> Array:
     lags[-len(colour) :] += np.asarray(colour, dtype=np.float64)[::-1]
     spectrum = np.fft.fft(lags).real
     cepstrum = np.fft.ifft(np.log(np.maximum(spectrum, 1e-9))).real
-    cepstrum[0] *= 0.5
     cepstrum[GRID // 2] *= 0.5
     cepstrum[GRID // 2 + 1 :] = 0.0
     taps = np.fft.ifft(np.exp(np.fft.fft(cepstrum))).real[: len(colour) + 1]

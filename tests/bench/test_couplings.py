@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from tautwave.bench.couplings import drawn
+from tautwave.bench.couplings.long_delays import CASES, SURFACES, contact_left, long_rig
 from tautwave.bench.couplings.measure import Outcome, run_coupling, stated_bound
 from tautwave.bench.couplings.recorded import likeness, median_ratio
 from tautwave.bench.couplings.rigs import LAWS, bench_rig, drawn_rig, without_account
 from tautwave.bench.couplings.suite import OWN_ACCOUNT
 from tautwave.bench.port.hands import recorded_hands
 from tautwave.cli import main
+from tautwave.config.keys.simulation import Faults
+from tautwave.rig import command_delays
+from tautwave.types import CommandDelay
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "teleop-1dof"
 QUICK = "{type: multisine, ramp_s: 0.01, components: [[2.0, 0.1, 0.0]]}"
@@ -91,6 +98,50 @@ def test_a_law_that_makes_half_a_joule_makes_none_in_an_account() -> None:
     assert bare.made > 0.3
     assert kept.made < 1e-3
     assert not kept.stopped
+
+
+def test_behind_a_long_delay_the_law_is_alone_to_blame() -> None:
+    """No sample is missing, no slot late, and both devices take an effort at once."""
+    for case in CASES:
+        for surface, (at, stiffness) in SURFACES.items():
+            rig = long_rig(case, 0.3, surface, 0.1)
+            assert (rig.rate_hz, rig.duration_s, rig.coupling.delay_s) == (2000.0, 0.1, 0.3)
+            assert rig.simulation.faults == Faults()
+            assert set(command_delays(rig).values()) == {CommandDelay(0, 0.0)}
+            contact: Any = rig.simulation.environment["lever"]
+            assert contact.type == ("free" if surface == "free" else "wall")
+            if surface != "free":
+                assert (contact.position, contact.stiffness) == (at, stiffness)
+
+
+def test_what_is_left_of_a_contact_is_measured_once_it_has_settled() -> None:
+    """A slave 3 mrad beside the motion that had arrived; a wall of 40 N m/rad at 0.1 rad."""
+    period, late, surface = 0.01, 30, 0.1
+    time = period * np.arange(1500)
+    led = 0.2 * np.sin(2.0 * math.pi * 0.2 * time) + 1e-3 * np.sin(2.0 * math.pi * 20.0 * time)
+    hand = np.where(led > surface, 40.0 * (led - surface), 0.02)
+    hand[:500] = 7.0  # while it learns, nothing counts
+    at = {
+        "true.master.lever.position": led,
+        "true.slave.lever.position": np.concatenate([np.zeros(late), led[:-late]]) + 3e-3,
+        "true.master.lever.hand_effort": hand,
+        "plant.master.lever.motor_work": np.linspace(0.0, 0.3, 1500),
+        "plant.slave.lever.motor_work": np.linspace(0.0, -0.1, 1500),
+    }
+    found = contact_left(at, 0.3, surface, period, ended=False)
+    assert found.behind == pytest.approx(3e-3, rel=1e-9)
+    assert found.drag == pytest.approx(0.02, rel=1e-9)
+    assert found.felt == pytest.approx(40.0, rel=1e-9)
+    assert found.beyond == pytest.approx(np.max(led[500:]) - surface, rel=1e-12)
+    slow, fast = 0.2 * math.sin(0.002 * math.pi), 1e-3 * math.sin(0.2 * math.pi)  # per sample
+    assert found.fast == pytest.approx(fast**2 / (fast**2 + slow**2), rel=1e-2)
+    assert found.made == pytest.approx(0.2, rel=1e-12)
+    assert not found.ended
+    short = {name: values[:400] for name, values in at.items()}
+    gone = contact_left(short, 0.3, surface, period, ended=True)
+    assert all(math.isnan(value) for value in gone[:5])
+    assert gone.made == pytest.approx(0.2 * 399 / 1499, rel=1e-12)
+    assert gone.ended
 
 
 @pytest.mark.slow

@@ -257,6 +257,29 @@ def test_a_policy_leads_virtual_hands_of_its_own(
     slave.disconnect()
 
 
+def test_a_device_that_has_not_joined_gets_no_row_of_the_other_s_run(plugin: ModuleType) -> None:
+    slave, master = devices(plugin)
+    lost = sys.modules["lerobot.utils.errors"].DeviceNotConnectedError
+    slave.connect()
+    slave.get_observation()
+    with pytest.raises(lost) as caught:
+        master.get_action()
+    assert str(caught.value) == f"tautwave_master of {RIG} is not connected"
+    master.connect()
+    assert int(master.get_action()["wrist.pos"]) == 0  # of the row that the slave has seen
+    slave.disconnect()
+    with pytest.raises(lost) as caught:
+        slave.get_observation()
+    assert str(caught.value) == f"tautwave_slave of {RIG} is not connected"
+    master.disconnect()
+
+
+def test_lerobot_s_own_part_of_a_device_is_set_up(plugin: ModuleType) -> None:
+    for kind in ("Slave", "Master"):
+        made, settings = (vars(plugin)[f"Tautwave{kind}{end}"] for end in ("", "Config"))
+        assert made(settings(rig=str(RIG), id="left")).id == "left"
+
+
 def test_a_row_that_is_old_is_no_measurement(
     plugin: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import fields
 from itertools import pairwise
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from tautwave.laws.counters import ENERGY_QUANTUM, SPAN, WAVE_QUANTUM
 from tautwave.laws.receiver import (
+    LOWEST,
     ReceiverParams,
     advance,
     output_wave,
@@ -23,11 +25,13 @@ from tautwave.laws.receiver import (
 from tautwave.link.receiver import (
     PLACE,
     Receiver,
+    Sender,
     funds_of,
     play_to,
     ring_size,
     settle,
     start_receiver,
+    start_sender,
     take_credit,
     take_pair,
 )
@@ -326,6 +330,26 @@ def test_what_came_is_not_taken_back_where_a_late_packet_says_less() -> None:
     assert r.paid == 500
     play_to(r, p, ring, 0, places, 9)
     assert r.paid == 1000
+
+
+def test_a_session_begins_with_what_a_new_record_has() -> None:
+    p = equal_rates()
+    places = ring_size(p)
+    table = [7.0] * (1 + PLACE * places + 1)
+    r, s = Receiver(), Sender()
+    for record in (r, s):
+        for field in fields(record):
+            setattr(record, field.name, type(getattr(record, field.name))(7))
+    start_receiver(r, table, 1, places)
+    start_sender(s)
+    assert (r, s) == (Receiver(), Sender())
+    assert [k for k, value in enumerate(table) if value != 7.0] == [
+        1 + PLACE * k for k in range(places)
+    ]
+    zeros = {field.name for field in fields(r) if not getattr(r, field.name)}
+    assert {field.name for field in fields(r)} - zeros == {"newest", "best"}
+    assert (r.newest, s.slot, r.best) == (-1, -1, LOWEST)
+    assert (s.integral, s.energy, s.residue, s.fraction) == (0, 0, 0.0, 0.0)
 
 
 def placed(paid: float = 0.0, backlog: float = 0.0) -> tuple[Receiver, ReceiverParams]:

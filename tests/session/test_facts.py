@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from tautwave.config import count_velocity
-from tautwave.session.facts import count_words
+from tautwave.rig import command_delays
+from tautwave.session.facts import axis_rows, count_words, pair_rows, pair_sentence
 from tests.certificate.rigs import rig
 from tests.rigs.running import run_rig
 
@@ -23,6 +26,37 @@ def test_the_first_count_reads_as_check_says(filter_s: float) -> None:
     assert count_words(coarse, "master.lever") == (
         f"; one encoder count reads as {reads:.3g} rad/s (limit 15)"
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "arm", "offset", "row", "effort", "speed"),
+    [
+        ("rotary", "0.075", "rad per N m", "rad/(N m)", "N m", "rad/s"),
+        ("linear", "", "m per N", "m/N", "N", "m/s"),
+    ],
+)
+def test_a_pair_and_its_axes_are_given_in_units_of_their_kind(
+    kind: str, arm: str, offset: str, row: str, effort: str, speed: str
+) -> None:
+    """(tau + T) / b = 21 ms / 0.02, and what the filters add: (1 - g) / g T of 100 Hz."""
+    found = rig(
+        *(f"{side}.axes.lever.kind={kind}" for side in ("master", "slave")),
+        f"simulation.hand.lever.lever_arm={arm}",
+        "slave.axes.lever.velocity_limit=12",
+    )
+    delays = command_delays(found)
+    held = math.exp(-2.0 * math.pi * 100.0 * 1e-3)
+    stands = (0.021 + 1e-3 * held / (1.0 - held)) / 0.02
+    assert pair_sentence(found, "lever", delays) == (
+        f"one-way delay 0.021 s in all; standing offset {stands:.4g} {offset}; held still, a port "
+        "gives all of the line's effort"
+    )
+    assert pair_rows(found, delays) == [("lever", "21 ms", f"{stands:.4g} {row}", "100.0%")]
+    each = "effort", f"1.1 {effort}", f"0.0209 {speed}"
+    assert axis_rows(found) == [
+        ("master.lever", "hand 1", *each, f"15 {speed}"),
+        ("slave.lever", "arm 1", *each, f"12 {speed}"),
+    ]
 
 
 def test_a_slow_bus_divides_by_its_own_period_and_an_exact_encoder_says_nothing() -> None:

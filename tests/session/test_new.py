@@ -216,6 +216,24 @@ def test_a_line_that_does_not_open_is_reported_beside_those_that_do(tmp_path: Pa
     assert [str(tmp_path / "none") in sentence for sentence in without] == [True]
 
 
+def test_each_line_that_does_not_open_is_told_before_nothing_is_found(tmp_path: Path) -> None:
+    ports = [str(tmp_path / name) for name in ("one", "two")]
+    done = new(
+        str(tmp_path / "arms.yaml"),
+        *(word for port in ports for word in ("--bus", f"dynamixel --port {port}")),
+    )
+    assert done.exit_code == 2
+    *said, last = [line for line in done.stderr.splitlines() if line]
+    assert said == [
+        f"{port}: there is no such device; plug the adapter in, or correct its path"
+        for port in ports
+    ]
+    assert last == (
+        "new: nothing was found that a rig can drive; are the devices supplied with power? "
+        "`tautwave scan DRIVER --help` lists the options of a scan"
+    )
+
+
 @contextmanager
 def served(*options: str) -> Iterator[str]:
     command = [sys.executable, "-c", "from tautwave.cli import main; main()", "sim"]

@@ -114,6 +114,17 @@ def test_the_window_is_a_set_of_the_last_numbers(numbers: list[int]) -> None:
             taken.add(number)
 
 
+def test_the_window_keeps_no_more_bits_however_long_it_runs() -> None:
+    window = Window()
+    for number in range(1, 3 * WINDOW):
+        window.accept(number)
+        assert window.seen == (1 << min(number, WINDOW)) - 1
+    window.accept(window.top + WINDOW - 1)
+    assert window.seen == 1 << WINDOW - 1 | 1
+    window.accept(window.top + WINDOW)
+    assert window.seen == 1
+
+
 @given(st.lists(st.integers(1, 50), min_size=2, max_size=6))
 def test_no_nonce_is_used_twice_with_a_key_over_restarts(runs: list[int]) -> None:
     used = set[tuple[bytes, bytes]]()

@@ -123,6 +123,19 @@ def test_60c2_is_set_to_the_period_of_the_rig() -> None:
     rig.driver.close()
 
 
+def test_1006_follows_the_period_of_the_rig_only_where_it_is_in_use() -> None:
+    for before, after in ((2000, 2500), (0, 0)):
+        rig = make(block(node(1)), ("impedance",), rate_hz=400.0)
+        objects = rig.devices()[0].objects
+        objects.set(0x1006, 0, before)
+        rig.driver.open()
+        said = [note for note in rig.driver.notes if "1006" in note]
+        assert objects.number(0x1006) == after
+        text = "master.a1 (node 1): 1006:00 SYNC period = 2500 us (was 2000 us), read back"
+        assert said == [text] * (before > 0)
+        rig.driver.close()
+
+
 def test_a_period_that_60c2_cannot_hold_is_refused() -> None:
     rig = make(block(node(1)), ("impedance",), rate_hz=1024.0)
     assert "cannot be written as 60C2h" in refused(rig)

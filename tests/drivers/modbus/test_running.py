@@ -176,6 +176,27 @@ def test_a_drive_that_was_switched_off_and_on_is_reported() -> None:
 LINK_FAULTS = [("tcp", "reset"), ("tcp", "gone"), ("tcp", "half_open"), ("rtu", "unplugged")]
 
 
+def test_a_drive_that_failed_is_as_new_when_it_is_enabled_again() -> None:
+    busy = {"kind": "exception", "unit": 1, "times": 5, "code": 6}
+    events = [busy | {"at_s": 0.01}, busy | {"at_s": 0.1}]
+    made = bench(simulator={"faults": {"events": events}})
+    made.enable()
+    made.run(50, 0.2)
+    first = [(fault.text, fault.fatal) for fault in made.faults()]
+    assert [fatal for _, fatal in first] == [False, True]
+    assert made.commanded(0) == 0.0
+    made.driver.disable()
+    for _ in range(20):
+        if made.driver.enable_step():
+            break
+        made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+    made.run(5, 0.2)
+    assert made.commanded(0) == 200.0
+    made.run(50, 0.2)
+    assert [(fault.text, fault.fatal) for fault in made.faults()] == first  # told again
+    made.driver.close()
+
+
 def losing(link: str, kind: str, span_s: float, **more: Any) -> Bench:
     base = FAST_RTU if link == "rtu" else {}
     event = {"kind": kind, "at_s": 0.05, "duration_s": span_s}
