@@ -14,6 +14,8 @@ from scipy.linalg import expm
 
 from tautwave.analysis.wave_port.contraction import Folded, least, touching
 from tautwave.analysis.wave_port.device_class import (
+    LATEST,
+    ClassGain,
     DeviceClass,
     class_gain,
     contracting,
@@ -338,7 +340,16 @@ def test_a_port_that_a_locked_lever_makes_unstable_is_refused() -> None:
     assert reflection(end.port, end.observer, 0).locked
     heavy = end.port._replace(impedance=-3.0 / end.port.half_mobility)  # E(1) = 1, E(-1) < 0
     assert not reflection(heavy, end.observer, 0).locked
-    assert class_gain(heavy, end.observer, 0, DeviceClass(MASS, 1e-3, 0.0)).greatest == math.inf
+    device = DeviceClass(MASS, 1e-3, 0.0)
+    assert class_gain(heavy, end.observer, 0, device) == ClassGain(math.inf, math.pi, False)
+    assert stiffest_spring(heavy, end.observer, 0, device) == 0.0
+
+
+def test_a_port_that_is_too_late_is_refused_without_a_proof() -> None:
+    end = ends(0.02, 0.3, delay=LATEST + 1)
+    device = DeviceClass(MASS, 1e-3, 1.0)
+    assert gain_of(end, device) == ClassGain(math.inf, math.pi, False)
+    assert not proved(end, device)
 
 
 @settings(deadline=None, max_examples=40)

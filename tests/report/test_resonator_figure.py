@@ -39,6 +39,24 @@ def test_the_bode_plot_is_the_table():
         assert (band.get_y(), band.get_height()) == (-90.0, 180.0)
 
 
+def test_each_panel_of_the_bode_plot_has_its_units_and_range():
+    device, controller, phase, near = bode_figure().axes
+    assert [axes.get_ylabel() for axes in (device, controller, phase, near)] == [
+        "|G| [m/(N s)]", "|K| [N s/m]", "phase [degrees]", "phase [degrees]",
+    ]  # fmt: skip
+    for axes in (device, controller):
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    for axes in (phase, near):
+        assert axes.get_xlabel() == "frequency [Hz]"
+        assert list(axes.get_yticks()) == [-270, -180, -90, 0, 90]
+    assert (phase.get_xscale(), near.get_xscale()) == ("log", "linear")
+    assert phase.get_xlim() == pytest.approx((1.0, 1000.0))
+    assert phase.get_ylim() == (-285, 105)
+    assert (near.get_xlim(), near.get_ylim()) == ((285, 345), (-195, 105))
+    shown = [label.get_text() for label in phase.get_xticklabels() if label.get_visible()]
+    assert shown[1:-1] == ["1", "10", "100", "1000"]
+
+
 def test_the_resonances_are_marked_where_they_are():
     wanted = features()
     for axes in bode_figure().axes:
@@ -77,7 +95,12 @@ def test_a_limit_below_the_range_is_none_and_above_it_infinite():
 
 def test_the_loop_s_plot_goes_past_minus_one_at_the_modulus_margin():
     whole, near = nyquist_figure().axes
-    assert near.get_xlim() == (-2.5, 2.5)
+    assert near.get_xlim() == near.get_ylim() == (-2.5, 2.5)
+    assert whole.get_xlim() == whole.get_ylim()
+    for axes in (whole, near):
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("Re L", "Im L")
+        (point,) = lines(axes)["-1"].get_xydata()
+        assert tuple(point) == (-1.0, 0.0)
     for name in ("no delay", "half a sample late, T = 1 ms", "half a sample late, T = 0.1 ms"):
         got = lines(whole)[name]
         distance = np.abs(1.0 + got.get_xdata() + 1j * got.get_ydata())
