@@ -20,6 +20,7 @@ from tautwave.analysis.wave_port.device_class import (
     class_gain,
     contracting,
     stiffest_spring,
+    suggested_spring,
 )
 from tautwave.analysis.wave_port.reflection import reflection
 from tautwave.analysis.wave_port.sensor_noise import observer_response
@@ -342,6 +343,7 @@ def test_a_port_that_a_locked_lever_makes_unstable_is_refused() -> None:
     assert not reflection(heavy, end.observer, 0).locked
     device = DeviceClass(MASS, 1e-3, 0.0)
     assert class_gain(heavy, end.observer, 0, device) == ClassGain(math.inf, math.pi, False)
+    assert suggested_spring(heavy, end.observer, 0, device) == 0.0
     assert stiffest_spring(heavy, end.observer, 0, device) == 0.0
 
 

@@ -57,9 +57,12 @@ def test_the_arrays_of_elements_have_the_lengths_and_blocks_that_they_say():
     n, e, blocks = len(names), len(network.elements), t.row[-1]
     assert t.size == [e, 2]
     assert tissues == ("b",) * e
-    per = dict(corner=4, place=16, grad=9, volume=1, mu=1, lam=1, viscous=1, stiff=1, kept=1,
-               dissipated=1, share=2, relax=2, turn=9, next_turn=9, strain=6, next_strain=6,
-               held=12)  # fmt: skip
+    per = {
+        **dict.fromkeys(("volume", "mu", "lam", "viscous", "stiff", "kept", "dissipated"), 1),
+        **dict.fromkeys(("grad", "turn", "next_turn"), 9),
+        **{"corner": 4, "place": 16, "strain": 6, "next_strain": 6},
+        **{"share": 2, "relax": 2, "held": 12},
+    }
     assert {name: len(getattr(t, name)) for name in per} == {
         name: each * e for name, each in per.items()
     }
