@@ -6,10 +6,22 @@ import gc
 import os
 from collections.abc import Iterator
 from contextlib import suppress
+from importlib.util import find_spec, module_from_spec
+from types import ModuleType
 
 import pytest
 
 from tautwave.runtime.machine import quiet_collector, realtime
+
+
+def unpatched() -> ModuleType:
+    """Return the module as it is written: `tests/conftest.py` keeps it from locking memory."""
+    spec = find_spec("tautwave.runtime.machine")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture
@@ -84,6 +96,48 @@ def test_a_refused_priority_is_reported(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     with realtime(50, None, False) as reported:
         assert reported[2].startswith("SCHED_FIFO refused (Operation not permitted)")
+
+
+def test_what_is_asked_is_asked_for_this_process_and_put_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Number 0 is this process, whatever the others have."""
+    calls: list[tuple[object, ...]] = []
+    had = os.sched_param(7)
+    held = {"scheduler": os.SCHED_RR, "param": had, "affinity": {0, 3}}
+    for what, value in held.items():
+
+        def get(pid: int, value: object = value) -> object:
+            assert pid == 0
+            return value
+
+        monkeypatch.setattr(os, f"sched_get{what}", get)
+    for what in ("scheduler", "affinity"):
+        monkeypatch.setattr(
+            os, f"sched_set{what}", lambda *asked, what=what: calls.append((what, *asked))
+        )
+
+    class Library:
+        def mlockall(self, flags: int) -> int:
+            calls.append(("lock", flags))
+            return 0
+
+        def munlockall(self) -> None:
+            calls.append(("unlock",))
+
+    monkeypatch.setattr("ctypes.CDLL", lambda name, use_errno=False: Library())
+    with unpatched().realtime(50, 3, True) as reported:
+        assert reported == ["pinned to core 3", "memory locked", "SCHED_FIFO, priority 50"]
+        calls.append(("inside",))
+    assert calls == [
+        ("affinity", 0, {3}),
+        ("lock", 3),
+        ("scheduler", 0, os.SCHED_FIFO, os.sched_param(50)),
+        ("inside",),
+        ("scheduler", 0, os.SCHED_RR, had),
+        ("affinity", 0, {0, 3}),
+        ("unlock",),
+    ]
 
 
 def test_a_granted_priority_is_reported_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:

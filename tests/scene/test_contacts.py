@@ -12,7 +12,7 @@ import pytest
 
 from tautwave import simulate
 from tautwave.certificate import Certificate, certify
-from tautwave.certificate.scene.contacts import Press, pressed, regimes, together
+from tautwave.certificate.scene.contacts import Press, pressed, regimes, text_of, together
 from tautwave.certificate.scene.joint import responses
 from tautwave.config import load_rig
 from tautwave.errors import SafetyStop
@@ -92,6 +92,18 @@ def test_few_contacts_are_closed_in_every_way_and_many_by_kind_and_by_mass():
     grains = [link(f"{of}{i}", of, f"g{i}") for of in ("bar", "floor") for i in range(10)]
     groups = together(grains, lambda one: one.a)
     assert [len(group) for group in groups] == [1, 1, 2, 10, 10, 20]
+
+
+def test_a_regime_names_its_contacts_up_to_three_and_else_how_many():
+    links = [Link(name, "contact", "p", "m", 1.0) for name in "abcde"]
+    for size, name in {
+        1: "with a closed",
+        2: "with a and b closed",
+        3: "with a and b and c closed",
+        4: "with a to d, 4 contacts closed",
+        5: "with all 5 contacts closed",
+    }.items():
+        assert text_of(links[:size], len(links)) == name
 
 
 def test_a_contact_behind_a_mass_counts_with_its_resonance():

@@ -11,6 +11,26 @@ import itertools
 from PIL import Image, ImageDraw
 
 from tautwave.report.scene.drawing import HEIGHT, OVER, WIDTH, _bar
+from tautwave.report.scene.figure import thin
+
+
+@pytest.mark.parametrize(("count", "step"), [(3000, 1), (3001, 3), (10_001, 7)])
+def test_of_long_series_every_stretch_keeps_its_extremes(count: int, step: int) -> None:
+    """The last of the series says where they are; a rest shorter than a stretch is left out."""
+    time = np.arange(float(count))
+    values = np.sin(0.37 * time) + 0.3 * np.cos(1.9 * time)
+    at, drawn = thin(time, values)
+    expected = time
+    if step > 1:
+        expected = np.array([
+            begin + place
+            for begin in range(0, count - step + 1, step)
+            for place in sorted(
+                (values[begin : begin + step].argmin(), values[begin : begin + step].argmax())
+            )
+        ])  # fmt: skip
+    assert at.tolist() == expected.tolist()
+    assert drawn.tolist() == values[expected.astype(int)].tolist()
 
 
 def test_names_of_bars_that_meet_lie_apart() -> None:

@@ -9,7 +9,13 @@ import pytest
 
 from tautwave.config import count_velocity
 from tautwave.rig import command_delays
-from tautwave.session.facts import axis_rows, count_words, pair_rows, pair_sentence
+from tautwave.session.facts import (
+    axis_rows,
+    count_words,
+    coupling_messages,
+    pair_rows,
+    pair_sentence,
+)
 from tests.certificate.rigs import rig
 from tests.rigs.running import run_rig
 
@@ -57,6 +63,23 @@ def test_a_pair_and_its_axes_are_given_in_units_of_their_kind(
         ("master.lever", "hand 1", *each, f"15 {speed}"),
         ("slave.lever", "arm 1", *each, f"12 {speed}"),
     ]
+
+
+def test_a_position_coupling_is_told_with_its_gains_where_they_are_known() -> None:
+    found = rig("coupling.delay_s=0.02", name="bench-position-coupling")
+    said = coupling_messages(found)
+    bare = "positions, 0.02 s each way (not passive: for comparison)"
+    assert found.coupling.account is None
+    assert said.coupling(found) == bare
+    kept = rig("coupling.delay_s=0.02", "coupling.account={}", name="bench-position-coupling")
+    assert coupling_messages(kept).coupling(kept) == (
+        "positions, 0.02 s each way, in an energy account"
+    )
+    gains = {"stiffness": 25.5, "damping": 0.1}
+    assert said.pair(gains, "N m", "rad", "{:g}".format) == (
+        "position coupling, K = 25.5 N m/rad, B = 0.1 N m s/rad"
+    )
+    assert said.pair({}, "N m", "rad", "{:g}".format) == ""
 
 
 def test_a_slow_bus_divides_by_its_own_period_and_an_exact_encoder_says_nothing() -> None:

@@ -137,6 +137,30 @@ def test_a_connection_passes_whole_and_its_end_too() -> None:
             assert connection.recv(100) == b""
 
 
+def test_of_a_connection_that_ended_both_ways_nothing_stays_open() -> None:
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        relayed(server.getsockname()) as relay,
+        socket.create_connection(relay.address) as client,
+    ):
+        connection, _ = server.accept()
+        with connection:
+            for end in (client, connection):
+                end.settimeout(30.0)
+            client.shutdown(socket.SHUT_WR)
+            assert connection.recv(100) == b""
+            ours = relay._open[2:]  # behind the port's own two
+            assert [sock.fileno() >= 0 for sock in ours] == [True, True]
+            connection.sendall(b"answer")
+            assert client.recv(100) == b"answer"
+            connection.shutdown(socket.SHUT_WR)
+            assert client.recv(100) == b""
+        limit = time.monotonic() + 10.0
+        while any(sock.fileno() >= 0 for sock in ours) and time.monotonic() < limit:
+            time.sleep(1e-3)
+        assert [sock.fileno() for sock in ours] == [-1, -1]
+
+
 def test_what_cannot_be_is_a_sentence() -> None:
     with pytest.raises(ConfigError, match=r"--to 'lab' is not HOST:PORT"):
         Relay(NetworkOptions(to="lab"))  # type: ignore[call-arg]
