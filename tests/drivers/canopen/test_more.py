@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tautwave.clock import MonotonicClock
 from tautwave.errors import ConfigError, DeviceFault
 from tautwave_drivers.canopen import plugin
-from tautwave_drivers.canopen.measure import measure
+from tautwave_drivers.canopen.bus.frames import RawPort
+from tautwave_drivers.canopen.measure import (
+    SocketEnd,
+    _driver,
+    bare_cycle,
+    driver_cycle,
+    measure,
+)
 from tests.commands import PATIENT, assert_ran_to_its_end
 from tests.drivers.canopen.benches import block, make, node
 from tests.rigs.running import books, run_rig
@@ -112,6 +122,50 @@ def test_what_a_cycle_costs_is_measured_on_both_backends() -> None:
     assert len(raw.spent_us) == len(raw.floor_us or ()) == 50
     assert len(virtual.spent_us) == len(virtual.floor_us or ()) == 50
     assert (raw.goal_us, virtual.goal_us) == (25.0, 60.0)
+
+
+class Heard(SocketEnd):
+    """An end that remembers which frames have come, and of how many bytes, and what it sent."""
+
+    def __init__(self, end: socket.socket) -> None:
+        super().__init__(end)
+        self.frames: list[tuple[int, int]] = []
+        self.sent: list[int] = []
+
+    def take(self) -> tuple[int, bytes] | None:
+        frame = super().take()
+        if frame is not None:
+            self.frames.append((frame[0], len(frame[1])))
+        return frame
+
+    def put(self, can_id: int, data: bytes) -> None:
+        self.sent.append(can_id)
+        super().put(can_id, data)
+
+
+def test_a_measured_cycle_and_its_floor_exchange_the_same_five_frames() -> None:
+    clock = MonotonicClock()
+    with ExitStack() as stack:
+        pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in range(2)]
+        for end in (end for both in pairs for end in both):
+            stack.callback(end.close)
+        (ours, theirs), (bare_ours, bare_theirs) = pairs
+        driven, bare = Heard(theirs), Heard(bare_theirs)
+        cycles = (
+            driver_cycle(_driver(clock, RawPort(ours, clock, "bench")), clock, driven),
+            bare_cycle(SocketEnd(bare_ours), bare),
+        )
+        for cycle, end in zip(cycles, (driven, bare), strict=True):
+            cycle()  # enabling may have sent its SYNC already
+            end.frames.clear()
+            end.sent.clear()
+            assert cycle() > 0
+            cycle()
+            _, *commands = end.frames[:3]
+            assert end.frames[0] == (0x80, 0)
+            assert [can_id for can_id, _ in commands] == [0x201, 0x202]
+            assert end.frames[3:] == end.frames[:3]
+            assert end.sent == [0x181, 0x182] * 2
 
 
 def test_the_plugin_imports_no_vendor_library() -> None:
