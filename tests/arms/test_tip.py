@@ -239,24 +239,6 @@ def test_a_joints_limit_shrinks_the_whole_force(monkeypatch: pytest.MonkeyPatch)
     assert sent[1][0] / sent[1][1] == pytest.approx(sent[0][0] / sent[0][1])
 
 
-def test_an_effort_is_mapped_where_the_arm_will_be_while_it_acts(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Half-way through its period, which begins a whole and a quarter period from now."""
-    monkeypatch.setattr(Joints, "command_delay", CommandDelay(1, 0.25e-3))
-    driver, joints = made(monkeypatch, PLANAR, "hand", "buses.hand.options.walls={}")
-    before, now = np.array([0.6, 1.2]), np.array([0.63, 1.16])
-    for k, q in enumerate((before, now)):
-        joints.positions = list(q)
-        driver.read(1_000_000 * k)
-    driver.write([AxisCommand(0.4, 0.0), AxisCommand(-0.3, 0.0)])
-    soon = now + (0.5 + 1.0 + 0.25) * (now - before)
-    _, jacobian = place_of(options_of(PLANAR, "hand").task(), list(soon))
-    expected = jacobian.T @ [0.4, -0.3, 0.0, 0.0, 0.0, 0.0]
-    sent = [command.effort for command in joints.written[-1]]
-    assert sent == pytest.approx(expected, rel=1e-12)
-
-
 def test_shipped_rigs_move_and_their_books_close() -> None:
     for path, seconds in ((PLANAR, 0.04), (SPATIAL, 0.01)):
         found = simulate(load_rig(path), duration_s=seconds)

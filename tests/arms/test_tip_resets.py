@@ -1,4 +1,4 @@
-"""The tip of an arm whose devices are reset within a run: watched, booked and limited as before."""
+"""The tip of an arm whose devices are reset within a run, or act late: watched, booked, limited."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay
 from tests.arms.motions import FOLLOWING
-from tests.arms.test_tip import PLANAR, Joints, made
+from tests.arms.test_tip import PLANAR, Joints, made, options_of, place_of
 from tests.arms.test_tip_following import columns, following
 
 
@@ -85,3 +85,21 @@ def test_a_reset_begins_with_the_whole_reserve(monkeypatch: pytest.MonkeyPatch) 
         given.append(columns(driver)["tip.arm.mapped"])
         assert "reserve is 0.001" in faults[0].text
     assert np.diff([0.0, *given]) == pytest.approx([2.92e-3] * 3, rel=1e-2)
+
+
+def test_an_effort_is_mapped_where_the_arm_will_be_while_it_acts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Half-way through its period, which begins a whole and a quarter period from now."""
+    monkeypatch.setattr(Joints, "command_delay", CommandDelay(1, 0.25e-3))
+    driver, joints = made(monkeypatch, PLANAR, "hand", "buses.hand.options.walls={}")
+    before, now = np.array([0.6, 1.2]), np.array([0.63, 1.16])
+    for k, q in enumerate((before, now)):
+        joints.positions = list(q)
+        driver.read(1_000_000 * k)
+    driver.write([AxisCommand(0.4, 0.0), AxisCommand(-0.3, 0.0)])
+    soon = now + (0.5 + 1.0 + 0.25) * (now - before)
+    _, jacobian = place_of(options_of(PLANAR, "hand").task(), list(soon))
+    expected = jacobian.T @ [0.4, -0.3, 0.0, 0.0, 0.0, 0.0]
+    sent = [command.effort for command in joints.written[-1]]
+    assert sent == pytest.approx(expected, rel=1e-12)

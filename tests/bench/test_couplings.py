@@ -106,6 +106,7 @@ def test_behind_a_long_delay_the_law_is_alone_to_blame() -> None:
         for surface, (at, stiffness) in SURFACES.items():
             rig = long_rig(case, 0.3, surface, 0.1)
             assert (rig.rate_hz, rig.duration_s, rig.coupling.delay_s) == (2000.0, 0.1, 0.3)
+            assert rig.simulation is not None
             assert rig.simulation.faults == Faults()
             assert set(command_delays(rig).values()) == {CommandDelay(0, 0.0)}
             contact: Any = rig.simulation.environment["lever"]

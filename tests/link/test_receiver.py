@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import fields
+from dataclasses import asdict, fields
 from itertools import pairwise
 
 import pytest
@@ -337,19 +337,15 @@ def test_a_session_begins_with_what_a_new_record_has() -> None:
     places = ring_size(p)
     table = [7.0] * (1 + PLACE * places + 1)
     r, s = Receiver(), Sender()
-    for record in (r, s):
-        for field in fields(record):
-            setattr(record, field.name, type(getattr(record, field.name))(7))
+    for record, field in ((one, field) for one in (r, s) for field in fields(one)):
+        setattr(record, field.name, type(getattr(record, field.name))(7))
     start_receiver(r, table, 1, places)
     start_sender(s)
     assert (r, s) == (Receiver(), Sender())
-    assert [k for k, value in enumerate(table) if value != 7.0] == [
-        1 + PLACE * k for k in range(places)
-    ]
-    zeros = {field.name for field in fields(r) if not getattr(r, field.name)}
-    assert {field.name for field in fields(r)} - zeros == {"newest", "best"}
-    assert (r.newest, s.slot, r.best) == (-1, -1, LOWEST)
-    assert (s.integral, s.energy, s.residue, s.fraction) == (0, 0, 0.0, 0.0)
+    emptied = range(1, PLACE * places, PLACE)
+    assert all((value != 7.0) == (k in emptied) for k, value in enumerate(table))
+    other = {k: v for one in (r, s) for k, v in asdict(one).items() if v}
+    assert other == {"newest": -1, "best": LOWEST, "slot": -1}
 
 
 def placed(paid: float = 0.0, backlog: float = 0.0) -> tuple[Receiver, ReceiverParams]:

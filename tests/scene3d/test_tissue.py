@@ -14,7 +14,6 @@ from tautwave.models.tissue.mesh import Mesh, block, on_faces, shape_of
 from tautwave.scene.network import GROUND, Link
 from tautwave.scene3d import straining
 from tautwave.scene3d.arrays import compile_network3d
-from tautwave.scene3d.elements import lay_elements
 from tautwave.scene3d.live import Model3d
 from tautwave.scene3d.matrices import tangent
 from tautwave.scene3d.network import ORIGIN, WAYS, Network3d, Port3d
@@ -43,55 +42,6 @@ def strained(f, start=None):
 
 def as_matrix(e):
     return np.array(algebra.full(e)).reshape(3, 3)
-
-
-def test_the_arrays_of_elements_have_the_lengths_and_blocks_that_they_say():
-    """Two cells of six; of one that is clamped whole nothing is laid out."""
-    slow = SOFT._replace(branches=((0.3, 0.01), (0.2, 0.1)))
-    network = tissue((2, 1, 1), material=slow)
-    names = [mass.name for mass in network.masses]
-    at = {name: k for k, name in enumerate([*names, *(name for name, _ in network.grounds)])}
-    one = network.elements[0]._replace(branches=((0.5, 0.02),))
-    still = one._replace(corners=(GROUND,) * 4)
-    t, tissues = lay_elements([one, still, *network.elements[1:]], at, len(names))
-    n, e, blocks = len(names), len(network.elements), t.row[-1]
-    assert t.size == [e, 2]
-    assert tissues == ("b",) * e
-    per = {
-        **dict.fromkeys(("volume", "mu", "lam", "viscous", "stiff", "kept", "dissipated"), 1),
-        **dict.fromkeys(("grad", "turn", "next_turn"), 9),
-        **{"corner": 4, "place": 16, "strain": 6, "next_strain": 6},
-        **{"share": 2, "relax": 2, "held": 12},
-    }
-    assert {name: len(getattr(t, name)) for name in per} == {
-        name: each * e for name, each in per.items()
-    }
-    assert (len(t.owned), len(t.row), len(t.column)) == (n + 1, n + 1, blocks)
-    assert len(t.tangent) == 9 * blocks
-    corners = [t.corner[4 * k : 4 * k + 4] for k in range(e)]
-    owners = [min(four) for four in corners]
-    assert [t.owned[m] for m in range(n + 1)] == [sum(o < m for o in owners) for m in range(n + 1)]
-    for m in range(n):
-        near = t.column[t.row[m] : t.row[m + 1]]
-        meets = {node for four in corners if m in four for node in four if node < n}
-        assert near[0] == m
-        assert sorted(near) == sorted(meets)
-    for k, four in enumerate(corners):
-        for i, a in enumerate(four):
-            for j, b in enumerate(four):
-                place = t.place[16 * k + 4 * i + j]
-                if a < n and b < n:
-                    assert t.row[a] <= place < t.row[a + 1]
-                    assert t.column[place] == b
-                else:
-                    assert place == -1
-    first = corners.index([at[name] for name in one.corners])
-    assert t.share[2 * first : 2 * first + 2] == [0.5, 0.0]
-    assert t.relax[2 * first : 2 * first + 2] == [0.02, 1.0]
-    for turn in (t.turn, t.next_turn):
-        assert turn == np.eye(3).ravel().tolist() * e
-    for zero in (t.strain, t.held, t.next_strain, t.tangent, t.kept, t.dissipated):
-        assert not any(zero)
 
 
 @settings(max_examples=60, deadline=None)
