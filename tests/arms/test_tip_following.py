@@ -21,11 +21,11 @@ from tests.arms.test_tip import (
     PLUGIN,
     SPATIAL,
     Joints,
-    elements,
     made,
     options_of,
     place_of,
 )
+from tests.arms.test_verdicts import elements
 
 HELD = "simulation.environment={x: {type: spring, stiffness: 80.0, position: 0.02}}"
 LEVELS = (0.30, 0.25)
