@@ -11,8 +11,24 @@ import pytest
 from tautwave_drivers.dynamixel.measure import _bytes, _sdk_fast, _sdk_sync
 from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol.fast import FastStatus
 
 pytestmark = pytest.mark.realtime
+
+
+def test_the_answers_of_the_floor_are_those_of_two_servos() -> None:
+    """Each says its id as its current, 3 as its velocity and 2048 steps, the middle, as its place."""
+    samples = [bytes((one, 0, 3, 0, 0, 0, 0, 8, 0, 0)) for one in (1, 2)]
+    answer = bytearray(_bytes("2 servos, sync")[1])
+    for one, data in zip((1, 2), samples, strict=True):
+        assert packet.take_packet(answer) == (one, 0x55, b"\0" + data)
+    assert answer == b""
+    answer = bytearray(_bytes("2 servos, fast")[1])
+    assert FastStatus(2, 10).take(answer) == [(1, 0, samples[0], 0), (2, 0, samples[1], 1)]
+    assert int.from_bytes(answer[5:7], "little") == len(answer) - 7
+    asked, response = _bytes("1 servo")
+    assert packet.take_packet(bytearray(asked)) == (1, 0x02, bytes((132, 0, 4, 0)))
+    assert packet.take_packet(bytearray(response)) == (1, 0x55, bytes(5))
 
 
 @pytest.mark.parametrize("kind", ["sync", "fast"])
