@@ -11,8 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.analysis.claim import Claim
 from tautwave.bench.inertia import LOWER, attack, felt, lightened_rig
 from tautwave.certificate import certify
+from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.compensation import inertia_claim
 from tautwave.config import Axis, Rig, load_rig
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.inertia import close_inertia, lighten, start_inertia
@@ -167,3 +170,29 @@ def test_python_and_compiled_are_one_to_the_bit() -> None:
     )
     rows = [simulate(built, engine=engine).data for engine in ("python", "compiled")]
     assert rows[0].tobytes() == rows[1].tobytes()
+
+
+@pytest.mark.parametrize("key", ["velocity_limit", "effort_rate_limit"])
+def test_without_a_limit_nothing_bounds_what_it_may_give_out(key: str) -> None:
+    rig = lightened(1.0)
+    axis = rig.master.axes["lever"].model_copy(update={key: None})
+    sides = {"master": rig.master.model_copy(update={"axes": {"lever": axis}})}
+    found = [e for e in certify(rig.model_copy(update=sides)).elements if e.kind == "inertia"]
+    assert [element.passive.passed for element in found] == [False, True]
+    assert found[0].passive.reason == (
+        f"inertia of master.lever: nothing bounds what it may give out; give {key}"
+    )
+
+
+def test_what_it_may_give_out_is_claimed_of_the_limits_of_its_axis() -> None:
+    rig = lightened(1.0)
+    axis = rig.master.axes["lever"]
+    assert axis.inertia is not None
+    claim = inertia_claim(rig, "master.lever", declared_delays(rig))
+    assert isinstance(claim, Claim)
+    speed, most = axis.velocity_limit or 0.0, 0.5 * axis.effort_limit
+    assert (claim.rate, claim.velocity, claim.effort) == (axis.effort_rate_limit, speed, most)
+    assert claim.kinetic == 0.5 * axis.inertia.value * speed**2
+    debt = (most * rig.period_s) ** 2 / LOWER
+    assert 2.0 * claim.reserve == pytest.approx(0.5 * (0.5 * LOWER) * speed**2 + debt)
+    assert claim.blind == rig.loop.missing_limit + rig.overrun_limit

@@ -83,17 +83,18 @@ def inertia_claim(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     """Return what taking inertia off an axis may give out, or the key without which nothing is."""
     axis = rig.axes[axis_name]
     assert axis.inertia is not None
-    for key in ("velocity_limit", "effort_rate_limit"):
-        if getattr(axis, key) is None:
-            return key
+    if axis.velocity_limit is None:
+        return "velocity_limit"
+    if axis.effort_rate_limit is None:
+        return "effort_rate_limit"
     known = axis_params(rig, axis_name, delays[axis_name], 0)
-    own, velocity = known.site.inertia, axis.velocity_limit or 0.0
+    own, velocity = known.site.inertia, axis.velocity_limit
     return Claim(
         reserve=0.5 * (own.account.reserve + own.account.debt),
         leak=0.0,
         feigned=0.0,
         effort=own.most,
-        rate=axis.effort_rate_limit or 0.0,
+        rate=axis.effort_rate_limit,
         velocity=velocity,
         wall=0.0,
         period=known.site.period,

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.realtime
 
 
 def test_the_answers_of_the_floor_are_those_of_two_servos() -> None:
-    """Each says its id as its current, 3 as its velocity and 2048 steps, the middle, as its place."""
+    """Each says its id as its current, 3 as its velocity, and 2048 steps as its place."""
     samples = [bytes((one, 0, 3, 0, 0, 0, 0, 8, 0, 0)) for one in (1, 2)]
     answer = bytearray(_bytes("2 servos, sync")[1])
     for one, data in zip((1, 2), samples, strict=True):

@@ -33,7 +33,7 @@ def all_of(fd: int, read: Callable[[], bytes], count: int = 256) -> bytes:
 
 
 def test_the_baud_rate_is_the_one_that_its_other_end_has_set(pty: Pty) -> None:
-    """Also one without a name in termios; of two, the one to send with, not that to receive with."""
+    """Also one without a name in termios; of two, the one to send with."""
     fd = os.open(pty.path, os.O_RDWR | os.O_NOCTTY)
     settings = termios.tcgetattr(fd)
     settings[4:6] = termios.B57600, termios.B115200
