@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.contracts import CoupledAxis
 from tautwave.couplings.mediated.contact import Surface
+from tautwave.couplings.mediated.from_keys import end_constants
+from tautwave.couplings.mediated.keys import MediatedPair
 from tautwave.couplings.mediated.model import ModelParams, adopt, damping_of, push_of, stored_in
+from tautwave.couplings.mediated.signals import SignalParams
+from tautwave.errors import ConfigError
 
 P = ModelParams(share=0.02, span=1e-3, most=0.1)
 some = st.floats(0.0, 500.0)
@@ -73,3 +79,51 @@ def test_who_stiffens_it_when_pressed_takes_no_more_than_the_funds() -> None:
     """reference: 20 cycles of 500 and 1,000 N/m; without the rule 4 J for 6.25 mJ."""
     assert pump(6.25e-3, ruled=False) > 2.0
     assert pump(6.25e-3, ruled=True) <= 6.25e-3 + 1e-12
+
+
+PAIR = MediatedPair.model_validate(
+    {"stiffness": 20.0, "damping": 0.5, "force_gain": 0.8, "observer_hz": 80.0, "touch": 0.03,
+     "memory_s": 0.5, "sure": 0.3, "stiffest": 40.0, "adopt_s": 0.05, "position_scale": 2.0,
+     "force_scale": 3.0, "sign": -1}
+)  # fmt: skip
+AXIS = CoupledAxis(
+    1e-3, 1.0, 1e-3, 1e-5, 2e-5, 2, 0.0, mass=2e-3, viscous=3e-3, coulomb=0.01, senses=True
+)
+
+
+@pytest.mark.parametrize(("late", "periods"), [(0.0, 2.5), (0.4, 3.5)])
+@pytest.mark.parametrize(("side", "scale"), [("master", 1.0), ("slave", 1.5)])
+def test_the_constants_of_an_end_are_those_of_its_keys_in_its_own_units(
+    side: str, scale: float, late: float, periods: float
+) -> None:
+    """A spring of the pair is times 3 / 2 at the slave; a part of a period is late by all of it."""
+    follows = side == "slave"
+    end = end_constants(PAIR, side, AXIS._replace(late=late))
+    assert (end.follows, end.measures) == (follows, False)
+    assert (end.stiffness, end.damping) == ((30.0, 0.75) if follows else (0.0, 0.0))
+    assert end.force == (0.8 if follows else 0.0)
+    assert (end.read_stiffness, end.read_damping) == (2.0, -4.0 / 3.0)
+    assert end.stiffest == 40.0 * scale
+    pole = math.exp(-0.16 * math.pi)
+    assert end.signals == SignalParams(pytest.approx(pole), 500.0)
+    outside = end.outside
+    assert (outside.mass, outside.viscous, outside.coulomb) == (2e-3, 3e-3, 0.01)
+    assert outside.soft == pytest.approx((1.0 - pole) * 0.02)  # the noise of a period's difference
+    assert end.contact.fit.forget == pytest.approx(math.exp(-13e-3 / 0.5))  # 5 / (1 - p) = 12.7
+    assert (end.contact.every, end.contact.touch, end.contact.sure) == (13, 0.03, 0.3)
+    if not follows:  # the one that renders
+        assert end.model.share == pytest.approx(1.0 - math.exp(-0.02))
+        assert end.model.span == pytest.approx(2e-3 * periods)
+        assert end.model.most == pytest.approx(2e-3 * periods * 40.0)
+
+
+def test_an_effort_is_measured_at_a_slave_with_a_sensor_or_not_at_all() -> None:
+    pair = PAIR.model_copy(update={"effort": "measured"})
+    assert end_constants(pair, "slave", AXIS).measures
+    bare = AXIS._replace(senses=False)
+    assert not end_constants(pair, "master", bare).measures
+    with pytest.raises(ConfigError) as refused:
+        end_constants(pair, "slave", bare)
+    assert str(refused.value) == (
+        "effort: measured: the slave has no effort_sensor; add one, or take effort: observed"
+    )

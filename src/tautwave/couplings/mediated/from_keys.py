@@ -39,7 +39,7 @@ def end_constants(pair: MediatedPair, side: str, axis: CoupledAxis) -> MediatedE
         )
     outside = outside_effort(axis, pair.observer_hz)
     pole = outside.observer.pole
-    every = max(1.0, math.ceil(APART / (1.0 - pole)))
+    every = math.ceil(APART / (1.0 - pole))
     stiffest = chosen(pair, "stiffest")
     scale = pair.position_scale
     late = axis.delay + (1 if axis.late > 0.0 else 0)
