@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import sys
 import threading
 from collections.abc import Mapping
 from types import SimpleNamespace
@@ -10,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tautwave.config import Rig, load_rig
+from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.errors import ConfigError, NotCertifiedError
 from tautwave.runtime.tuning.desk import Desk, last_left, leave
 from tautwave.view import tuner
@@ -130,6 +132,91 @@ def test_a_claim_may_differ_by_its_rounding_and_no_more(
             f"{side}.lever: its port would claim {before * share:.4g} J, more than the "
             f"{before:.4g} J that were fixed before the run"
         )
+
+
+class Child:
+    """A certificate's process: what it says, and how it ends."""
+
+    def __init__(self, found: Mapping[str, Any] | None, said: str = "", code: int = 0) -> None:
+        self.out = b"" if found is None else json.dumps(found).encode()
+        self.said, self.returncode = said.encode(), code
+        self.read, self.killed = b"", False
+
+    async def communicate(self, given: bytes) -> tuple[bytes, bytes]:
+        self.read = given
+        return self.out, self.said
+
+    def kill(self) -> None:
+        self.killed = True
+
+
+def certified_by(
+    child: Child, monkeypatch: pytest.MonkeyPatch, path: str, value: float
+) -> list[str]:
+    """Certify a change with a process of ours; return the words that it was begun with."""
+    words: list[str] = []
+
+    async def begin(*command: str, **_: Any) -> Child:
+        words.extend(command)
+        return child
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", begin)
+    rig = load_rig(BENCH)
+    asyncio.run(tuner._certify(rig, with_values(rig, {path: value}), ["slave.lever"]))
+    return words
+
+
+WALLED = {"walls": {"lever": {"rendered_stiffness": 2.0, "asked_stiffness": 2.0}}, "passed": True}
+CUT = {"walls": {"lever": {"rendered_stiffness": 1.98765, "asked_stiffness": 2.0}}, "passed": True}
+
+
+def test_another_process_reads_the_changed_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    child = Child(WALLED)
+    words = certified_by(child, monkeypatch, K, 2.0)
+    assert words == [sys.executable, "-m", "tautwave.certificate", "slave.lever"]
+    assert child.read.decode() == resolved_yaml(with_values(load_rig(BENCH), {K: 2.0}))
+
+
+def test_a_claim_that_would_grow_is_refused_before_anything_is_certified(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    child = Child(WALLED)
+    with pytest.raises(NotCertifiedError, match=r"^master\.lever: its port would claim"):
+        certified_by(child, monkeypatch, "coupling.pairs.lever.wave_impedance", 0.05)
+    assert child.read == b""
+
+
+@pytest.mark.parametrize(
+    ("child", "why"),
+    [
+        (Child({"passed": False, "sentences": ["One.", "Two."]}), "One. Two."),
+        (Child(None, "no module\n", 1), "no module"),
+        (Child(None, " \n", -9), "no certificate"),
+        (Child(CUT), "wall of lever: certified up to a stiffness of 1.988"),
+    ],
+)
+def test_a_change_that_is_not_certified_is_refused_in_the_certificates_words(
+    child: Child, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(NotCertifiedError) as refused:
+        certified_by(child, monkeypatch, K, 2.0)
+    assert str(refused.value) == why
+    assert not child.killed
+
+
+def test_a_certificate_that_does_not_come_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Slow(Child):
+        async def communicate(self, given: bytes) -> tuple[bytes, bytes]:
+            await asyncio.Event().wait()
+            raise AssertionError
+
+    monkeypatch.setattr(tuner, "TIMEOUT_S", 0.001)
+    child = Slow(None)
+    with pytest.raises(NotCertifiedError, match=r"^no certificate within 0\.001 s$"):
+        certified_by(child, monkeypatch, K, 2.0)
+    assert child.killed
 
 
 @pytest.mark.slow

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import random
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from tautwave.bench import chains
+from tautwave.bench.chunks import Cost
 from tautwave.config.inputs.chains import chain_constants
 from tautwave.config.keys.arm import Chain, DhRow, Payload
 from tautwave.models.chain.build import Body, Link, build_chain, is_inertia, joined
@@ -157,6 +160,50 @@ def test_compiled_chains_give_the_bits_of_the_plain_ones() -> None:
         arrays = [np.zeros(size) for size in (30, 5, 25)]
         assert compiled(chain, np.array(q), *arrays) == chains.moved(chain, q, *lists)
         assert [array.tolist() for array in arrays] == lists
+
+
+def test_postures_of_compiled_work_are_one_and_wait_for_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What a call returns goes into the next one's posture, too small to change a bit of it."""
+    postures, returned = [], [1.5, -2.5e5, 0.0, 1e-3]
+
+    def law(chain: Any, q: Any, jacobian: Any, weight: Any, matrix: Any) -> float:
+        postures.append([*q, chain is chains.CHAIN, len(jacobian), len(weight), len(matrix)])
+        return returned[len(postures) - 1]
+
+    plain = SimpleNamespace(njit=lambda **_: lambda function: function)
+    monkeypatch.setattr(chains, "importlib", SimpleNamespace(import_module=lambda _: plain))
+    monkeypatch.setattr(chains, "compile_part", lambda part: law)
+    assert chains._compiled(chains.moved, (42, 7, 49))(4) >= 0.0
+    assert postures == [[*chains.PLACES, True, 42, 7, 49]] * 4
+
+
+@pytest.mark.parametrize("with_numba", [False, True])
+def test_a_table_of_chains_is_in_microseconds(
+    with_numba: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[list[str]] = []
+
+    def costs(works: Any, rounds: int) -> dict[str, Cost]:
+        given.append(list(works))
+        spent = 3000.0 if len(given) == 1 else 500.0
+        return {name: Cost(spent * (k + 1), 2.0 * spent, rounds, 9) for k, name in enumerate(works)}
+
+    monkeypatch.setattr(chains, "costs", costs)
+    monkeypatch.setattr(chains, "_compiled", lambda part, sizes: part)
+    table = chains.chain_table(5, with_numba=with_numba)
+    names = [
+        "forward kinematics with Jacobian",
+        "the same with gravity",
+        "the same with the mass matrix",
+    ]
+    assert given == [names] * (1 + with_numba)
+    assert table.title == "Serial chain of 7 joints"
+    assert table.columns == ("part", "plain_us", "plain_median_us", "compiled_us")
+    assert table.rows == [
+        [name, 3.0 * k, 6.0, 0.5 * k if with_numba else None] for k, name in enumerate(names, 1)
+    ]
 
 
 def test_fixed_links_before_the_first_joint_only_place_it() -> None:
