@@ -207,10 +207,12 @@ def _executed(folder: Path) -> list[tuple[str, str, bytes]]:
 
 
 def _naming(path: str, took: dict[str, float]) -> tuple[set[str], set[str]]:
-    """Return the tests in files that import from a module by its name, or from its package."""
+    """Return the tests that name a module, in their files or parameters, or its package."""
     *package, module = Path(path).with_suffix("").parts
     names = ".".join((*package[1:], module)), ".".join(package[-2:])
     found = [{test for test in took if name in _text(test.partition("::")[0])} for name in names]
+    # Tests of every module have its path among their parameters.
+    found[0] |= {test for test in took if f"[{'/'.join((*package[1:], module))}]" in test}
     return found[0], found[1]
 
 

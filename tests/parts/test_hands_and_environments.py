@@ -15,6 +15,7 @@ from tautwave.config import load_rig, parse_rig, resolved_yaml
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.models.part_contact import PartContact, part_step, part_stored
 from tautwave.models.plant_params import PlantParams
+from tautwave.rig.truth import axis_model
 from tautwave.session.engine import compiled_devices
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "tautwave-example-parts"
@@ -100,6 +101,21 @@ def test_the_books_close_at_an_environment_part(rig_file: Path) -> None:
     plant = [name for name in run.columns if name.endswith("residual")]
     for name in plant:
         assert np.abs(run[name]).max() < 1e-9, name
+
+
+def test_the_error_that_a_rig_allows_decides_the_steps_of_a_part(rig_file: Path) -> None:
+    text = rig_file.read_text()
+
+    def steps(more: str = "") -> int:
+        rig = parse_rig(text.replace("simulation:\n", f"simulation:\n{more}"), rig_file)
+        part = axis_model(rig, "slave.lever", 10).part
+        assert part is not None
+        return part.substeps
+
+    assert steps() == steps("  integrator: {max_error: 1.0e-4}\n")  # where none is given
+    coarse, fine = (steps(f"  integrator: {{max_error: 1.0e-{n}}}\n") for n in (8, 10))
+    assert coarse > steps()
+    assert fine == pytest.approx(10 * coarse, rel=0.1)  # of second order
 
 
 def test_an_environment_part_that_turns_nan_ends_the_run(rig_file: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tautwave.controller.steps import OWN_GUARDS, Guard, Law
+from tautwave.registry import load_coupling, load_named
 from tautwave.testing import CouplingBench, CouplingContract
 from tautwave.testing.steps import CYCLES, at_random, controller, drive, there_and_back
 from tests.parts.test_suites import example
@@ -108,3 +109,12 @@ def test_a_part_has_guards_of_its_own() -> None:
     place = control.place()
     assert place is not None
     assert place.reason == "limp"
+
+
+def test_before_a_drive_nothing_is_on_its_way() -> None:
+    plugin = load_coupling("wave")
+    keys = {"wave_impedance": 0.05, "wave_filter_hz": 100.0, "pole_master": 0.5, "pole_slave": 0.5}
+    coupling = load_named(plugin.keys).model_validate({"law": "wave", "pairs": {"lever": keys}})
+    control = controller(plugin, coupling, samples=4)
+    assert list(control.table) == [0.0] * 4 * load_named(plugin.law).rings
+    assert len(control.table) > 4
