@@ -113,9 +113,9 @@ def test_the_error_that_a_rig_allows_decides_the_steps_of_a_part(rig_file: Path)
         return part.substeps
 
     assert steps() == steps("  integrator: {max_error: 1.0e-4}\n")  # where none is given
-    coarse, fine = (steps(f"  integrator: {{max_error: 1.0e-{n}}}\n") for n in (8, 10))
+    coarse, fine = (steps(f"  integrator: {{max_error: {error}}}\n") for error in (1e-8, 1e-8 / 16))
     assert coarse > steps()
-    assert fine == pytest.approx(10 * coarse, rel=0.1)  # of second order
+    assert fine == 4 * coarse  # of second order
 
 
 def test_an_environment_part_that_turns_nan_ends_the_run(rig_file: Path) -> None:
