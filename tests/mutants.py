@@ -211,7 +211,6 @@ def _naming(path: str, took: dict[str, float]) -> tuple[set[str], set[str]]:
     *package, module = Path(path).with_suffix("").parts
     names = ".".join((*package[1:], module)), ".".join(package[-2:])
     found = [{test for test in took if name in _text(test.partition("::")[0])} for name in names]
-    # Tests of every module have its path among their parameters.
     found[0] |= {test for test in took if f"[{'/'.join((*package[1:], module))}]" in test}
     return found[0], found[1]
 
@@ -331,8 +330,7 @@ class Judge:
 
 def line_of(mutant: Mutant) -> str:
     """Return the text of a mutant's line."""
-    lines = (ROOT / mutant.path).read_text(encoding="utf-8").splitlines()
-    return lines[mutant.line - 1].strip()
+    return _text(mutant.path).splitlines()[mutant.line - 1].strip()
 
 
 def equivalents() -> set[tuple[str, str, str]]:
