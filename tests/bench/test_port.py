@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tautwave.bench.port import long_hold
+from tautwave.bench.chunks import Cost
+from tautwave.bench.compiled import NO_NUMBA
+from tautwave.bench.live.think import SiteCase
+from tautwave.bench.port import cost, long_hold
 from tautwave.bench.port.hands import (
     CONTACTS,
     LEAD_S,
@@ -22,6 +26,7 @@ from tautwave.bench.port.hold import hold
 from tautwave.bench.port.rigs import IMPOSED, bench_rig
 from tautwave.bench.port.suite import imposed_goals, port
 from tautwave.bench.port.tracking import chatter, imposed, score
+from tautwave.bench.result import Goal
 from tautwave.cli import main
 from tautwave.errors import ConfigError
 from tautwave.recordings.columns import read_column
@@ -166,6 +171,57 @@ def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
     assert result.exit_code != 0
     assert "no recording" in result.output
     assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_the_port_is_compared_part_by_part(monkeypatch: pytest.MonkeyPatch, compiled: bool) -> None:
+    """Medians, after over before; the goals are of the port as it is [us]."""
+    nanoseconds = {
+        "before": {"close": 2000.0, "think": 1000.0, "both": 4000.0},
+        "after": {"close": 1250.0, "think": 2600.0, "both": 3000.0},
+    }
+    laws = {}
+
+    def parts(cases: Sequence[SiteCase], rounds: int) -> dict[str, dict[str, Cost]]:
+        assert rounds == 7
+        laws.update({case.name: case.law.end.__module__ for case in cases})
+        return {
+            name: {part: Cost(1.0, median, 7, 7) for part, median in taken.items()}
+            for name, taken in nanoseconds.items()
+        }
+
+    monkeypatch.setattr(cost, "part_costs", parts)
+    monkeypatch.setattr(
+        cost, "step_costs", lambda rigs, _: dict(zip(rigs, (250.0, 275.0), strict=True))
+    )
+    monkeypatch.setattr(cost, "has_numba", lambda: compiled)
+    said: list[str] = []
+    table, goals = cost.port_costs(7, said.append)
+    assert len(set(laws.values())) == 2
+    assert list(laws) == ["before", "after"]
+    assert table.columns == ("part", "before_ns", "after_ns", "ratio")
+    rows = [
+        ["close, plain Python", 2000.0, 1250.0, 0.625],
+        ["think, plain Python", 1000.0, 2600.0, 2.6],
+        ["both, plain Python", 4000.0, 3000.0, 0.75],
+    ]
+    step = ["step of the bench, compiled", 250.0, 275.0, 1.1]
+    assert table.rows == ([*rows, step] if compiled else rows)
+    assert goals == [
+        Goal("think of the port, plain Python", 2.5, "us", 2.6),
+        Goal("close of the port, plain Python", 1.5, "us", 1.25),
+        Goal("compiled step, over the port before", 1.15, "times", 1.1)
+        if compiled
+        else Goal("compiled step, over the port before", 1.15, "times", None, why_not=NO_NUMBA),
+    ]
+    assert [goal.met for goal in goals] == [False, True, True if compiled else None]
+    assert (
+        said
+        == [
+            "steps of the port, plain Python",
+            "a step of the bench, compiled (numba compiles for a minute)",
+        ][: 1 + compiled]
+    )
 
 
 def test_synthetic_hands_meet_every_contact_and_are_always_the_same() -> None:

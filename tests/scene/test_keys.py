@@ -13,6 +13,7 @@ from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
 from tautwave.errors import ConfigError
 from tautwave.rig.scene.network import pruned_network, scene_forces, whole_network
 from tautwave.scene.compiling import compile_network
+from tautwave.scene.network import Link, Mass, String
 from tautwave.scene.sampled import linear_part
 from tautwave.scene.schemes.exact import linear_matrices
 
@@ -130,6 +131,83 @@ def test_groups_are_spelled_out():
     network = whole_network(load_rig(CONFIGS / "scene-granular.yaml", [chain]))
     row = [(link.a, link.b) for link in network.links if link.name.startswith("row")]
     assert row == [(f"grain{i + 1}", f"grain{i}") for i in range(1, 10)]
+
+
+def test_a_link_of_required_keys_alone_has_nothing_beside_them():
+    """No damping, no loss, slack and touching at 0; dry friction full at 1 mm/s, a bow's at 50."""
+    given = {
+        "spring": "stiffness: 100",
+        "damper": "damping: 2",
+        "contact": "stiffness: 1e4",
+        "nonlinear": "stiffness: 1e6, exponent: 3",
+        "plastic": "stiffness: 200, yield_force: 3",
+        "friction": "force: 0.5",
+        "bow": "force: 0.7",
+        "negative_damper": "damping: 0.1",
+        "energy_source": "power: 0.3",
+    }
+    links = [
+        f"scene.links.{kind}={{type: {kind}, between: [object, ground], {keys}}}"
+        for kind, keys in given.items()
+    ]
+    more = ["scene.scheme=discrete_gradient", "scene.masses.object={mass: 0.004}", *links]
+    network = whole_network(load_rig(CONFIGS / "scene-resonator.yaml", more))
+    assert network.masses == (Mass("object", 0.004, 0.0, 0.0, 0.0),)
+    assert network.gravity == 0.0
+    expected = {
+        "spring": {"stiffness": 100.0, "damping": 0.0, "rest": 0.0},
+        "damper": {"damping": 2.0},
+        "contact": {"stiffness": 1e4, "exponent": 1.0, "loss": 0.0, "rest": 0.0},
+        "nonlinear": {"stiffness": 1e6, "exponent": 3.0, "rest": 0.0},
+        "plastic": {"stiffness": 200.0, "limit": 3.0, "damping": 0.0},
+        "friction": {"limit": 0.5, "scale": 1e-3},
+        "bow": {"limit": 0.7, "scale": 0.05},
+        "negative_damper": {"damping": 0.1},
+        "energy_source": {"limit": 0.3, "scale": 0.01},
+    }
+    found = {link.kind: link for link in network.links if link.name == link.kind}
+    assert found == {
+        kind: Link(kind, kind, "object", "ground", **numbers) for kind, numbers in expected.items()
+    }
+
+
+def test_ports_strings_and_forces_of_required_keys_alone():
+    """A string is touched at a tenth and loses half a percent; noise has the audible band's middle.
+
+    At 10 kHz a string of 200 Hz has halves of 25 samples.
+    """
+
+    def made(port: str = "", string: str = "", noise: str = "", taps: str = ""):
+        rig = parse_rig(
+            RESONATOR,
+            "rig.yaml",
+            [
+                f"scene.ports.stylus={{to: object, stiffness: 10{port}}}",
+                f"scene.strings={{g: {{impedance: 1, frequency_hz: 200{string}}}}}",
+                "scene.links.bridge={type: spring, between: [object, g], stiffness: 1}",
+                f"scene.forces={{hiss: {{type: noise, on: object, amplitude: 1{noise}}}, "
+                f"rain: {{type: taps, on: object, amplitude: 1, per_second: 50{taps}}}}}",
+                "scene.scheme=discrete_gradient",
+            ],
+        )
+        network = whole_network(rig)
+        return network, scene_forces(rig, network, 2000)
+
+    network, forces = made()
+    assert network.strings == (String("g", 1.0, 1, 22, 0.995, 1.0),)
+    assert network.links[-1] == Link(
+        "coupling of stylus", "spring", "stylus", "object", stiffness=10.0
+    )
+    assert made(
+        ", damping: 0, position_scale: 1, offset: 0",
+        ", position: 0.1, reflection: 0.995, brightness_hz: null",
+        ", low_hz: 20, high_hz: 2000",
+        ", length_s: 0.002",
+    ) == (network, forces)
+    assert made(", damping: 0.1")[0] != network
+    for other in (", low_hz: 30", ", high_hz: 1900"):
+        assert made(noise=other)[1] != forces
+    assert made(taps=", length_s: 0.003")[1] != forces
 
 
 def test_forces_follow_the_seed_and_no_other_force():

@@ -76,6 +76,37 @@ def test_a_line_that_is_too_slow_says_what_would_fit() -> None:
     assert "gap_s" in fast.remedy
 
 
+def test_every_remedy_is_named_that_helps_and_no_other() -> None:
+    """Two drives at 19200 baud: 100 characters x 11 bits and 8 silences, by 80 % of a period."""
+    alone = "more axes or a higher rate, each alone: "
+    two = made(2, 200.0, **(RTU | {"baud": 19_200}), profile="dsy-rs")
+    assert two.remedy == alone + (
+        "baud: 115200 gives 37 Hz, baud: 1000000 gives 60 Hz, one drive fewer on this line gives "
+        "23 Hz, drives that accept function code 23 give 16 Hz, divisor: 18 on this bus (11.1 Hz) "
+        "fits without other changes"
+    )
+    # 28 characters and 2 silences; where 0.2 of a period is less than a silence, that counts.
+    one = made(1, 500.0, **(RTU | {"turnaround_s": 1e-3}))
+    assert one.remedy == alone + (
+        "baud: 1000000 gives 208 Hz, gap_s: 0.000334 (3.5 characters, if the drives take it) gives "
+        "200 Hz, drives without turnaround give 162 Hz, divisor: 4 on this bus (125 Hz) fits "
+        "without other changes"
+    )
+
+
+def test_over_tcp_every_remedy_is_named_that_helps_and_no_other() -> None:
+    alone = "more axes or a higher rate, each alone: "
+    own = [device(unit, endpoint=f"tcp://10.0.0.{unit}:502") for unit in (1, 2, 3)]
+    apart = made(3, 50.0, turnaround_s=0.003, devices=own)
+    assert apart.remedy == alone + "drives without turnaround give 5333 Hz"  # 0.8 / 0.15 ms
+    behind_one = made(3, 50.0, turnaround_s=0.003)
+    assert behind_one.remedy == alone + (
+        "outstanding: 3 in the profile, if the server takes that many requests at once, gives "
+        "254 Hz, drives without turnaround give 1778 Hz"
+    )
+    assert made(1, 50.0, turnaround_s=0.0).remedy == ""
+
+
 def test_the_divisor_it_names_fits_and_the_one_before_does_not() -> None:
     for profile, axes in (("dsy-rs", 1), ("dsy-rs", 2), ("cia402", 1), ("generic", 3)):
         found = made(axes, 1000.0, **RTU, profile=profile)
