@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import socket
 import struct
@@ -9,6 +10,7 @@ import termios
 import tty
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -200,6 +202,39 @@ def test_another_program_that_reads_the_line_is_reported() -> None:
     termios.tcsetattr(slave, termios.TCSANOW, keys)
     with pytest.raises(DriverError, match=r"unplugged, .* or another program reads the same line"):
         port.read()
+    port.close()
+    os.close(slave)
+    os.close(master)
+
+
+@pytest.mark.parametrize(("parity", "bits"), [("N", 0), ("E", 0x100), ("O", 0x300)])
+@pytest.mark.parametrize(("stop_bits", "second"), [(1, 0), (2, 0x40)])
+def test_the_kernel_is_asked_for_a_raw_line_of_these_characters(
+    monkeypatch: pytest.MonkeyPatch, parity: Parity, bits: int, stop_bits: int, second: int
+) -> None:
+    """asm-generic/termbits.h: CS8 0x30, CREAD 0x80, CLOCAL 0x800, BOTHER 0x1000."""
+    asked: list[bytes] = []
+    ioctl = fcntl.ioctl
+
+    def spy(fd: int, request: int, *argument: bytes) -> Any:
+        if request == 0x402C542B:  # TCSETS2
+            asked.append(argument[0])
+        return ioctl(fd, request, *argument)
+
+    master, slave = os.openpty()
+    os.write(master, b"of a run before\n")
+    monkeypatch.setattr(fcntl, "ioctl", spy)
+    port = SerialPort(os.ttyname(slave), 4_500_000, parity, stop_bits)
+    assert not port.waiting()  # dropped
+    port.set_baud(57_600)
+    for packed, baud in zip(asked, (4_500_000, 57_600), strict=True):
+        cflag = 0x18B0 | bits | second
+        assert struct.unpack_from("=4I", packed) == (0, 0, cflag, 0)
+        assert struct.unpack_from("=2I", packed, 36) == (baud, baud)
+        assert (packed[17 + termios.VMIN], packed[17 + termios.VTIME]) == (1, 0)
+    given = termios.tcgetattr(port.fileno())[2]
+    assert given & (termios.CLOCAL | termios.CREAD) == 0x880
+    assert given & termios.CSTOPB == second
     port.close()
     os.close(slave)
     os.close(master)
