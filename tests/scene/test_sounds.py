@@ -21,7 +21,7 @@ from tautwave.config import load_rig, resolved_yaml
 from tautwave.config.inputs import sounds
 from tautwave.errors import ConfigError
 from tautwave.rig.scene.network import keep_sounds, pruned_network, scene_forces
-from tautwave.scene.signals import sound_signal
+from tautwave.scene.signals import force_signal, sound_signal
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 VALUES = [0.0, 0.5, -0.5, 0.25, -1.0, 0.75]
@@ -216,3 +216,53 @@ def test_a_run_keeps_its_sounds_and_can_be_run_again(tmp_path):
     assert CliRunner().invoke(main, command).exit_code == 0
     energy = [json.loads((out / "summary.json").read_text())["scene"] for out in (moved, again)]
     assert energy[0] == energy[1]
+
+
+def test_a_tone_is_a_sine_from_zero():
+    keys = {"type": "sine", "amplitude": 3.0, "frequency_hz": 250.0}
+    found = force_signal(keys, 1000.0, 6, (0, 0))
+    assert found == pytest.approx([0.0, 3.0, 0.0, -3.0, 0.0, 3.0], abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "first", "last"),
+    [(100.0, 100.0, 1000, 1000), (99.85, 100.15, 999, 1001), (20.0, 2000.0, 200, 20_000)],
+)
+def test_noise_has_its_deviation_and_nothing_outside_its_band(low, high, first, last):
+    """However narrow: 10 s at 10 kHz have lines 0.1 Hz apart, each a tiny part of white noise."""
+    keys = {"type": "noise", "amplitude": 2.5, "low_hz": low, "high_hz": high}
+    found = force_signal(keys, 10_000.0, 100_000, (1, 2))
+    assert np.sqrt(np.mean(found**2)) == pytest.approx(2.5, rel=1e-12)
+    lines = np.abs(np.fft.rfft(found))
+    assert np.flatnonzero(lines > 1e-6 * lines.max()).tolist() == list(range(first, last + 1))
+    assert force_signal(keys, 10_000.0, 100_000, (1, 2)).tolist() == found.tolist()
+    assert np.abs(force_signal(keys, 10_000.0, 100_000, (1, 3)) - found).max() > 0.1
+
+
+def test_noise_between_two_lines_of_a_short_run_is_silence():
+    keys = {"type": "noise", "amplitude": 2.5, "low_hz": 101.0, "high_hz": 109.0}
+    assert force_signal(keys, 1000.0, 100, (1, 2)).tolist() == [0.0] * 100
+
+
+def test_taps_are_half_sines_of_their_length_between_a_fifth_and_all_of_the_amplitude():
+    keys = {"type": "taps", "amplitude": 2.0, "per_second": 0.4, "length_s": 0.004}
+    found = force_signal(keys, 1000.0, 1_000_000, (1, 2))
+    shape = np.sin(np.pi * np.array([0.125, 0.375, 0.625, 0.875]))
+    pushed = np.flatnonzero(found)
+    starts = pushed[np.diff(pushed, prepend=-2) > 1]
+    assert len(pushed) == 4 * len(starts)  # none over another here
+    taps = found[starts[:, None] + np.arange(4)]
+    heights = taps[:, 1] / shape[1]
+    assert taps == pytest.approx(heights[:, None] * shape, rel=1e-12)
+    assert 0.4 <= heights.min() < 0.42
+    assert 1.98 < heights.max() <= 2.0
+    assert len(starts) == pytest.approx(400, abs=40)  # two deviations
+    short = force_signal({**keys, "length_s": 1e-5}, 1000.0, 1_000_000, (1, 2))
+    assert np.flatnonzero(short).tolist() == starts.tolist()  # a sample at least
+    assert short[starts] == pytest.approx(heights, rel=1e-12)
+
+
+def test_taps_at_once_add_up_and_the_last_is_cut_off():
+    keys = {"type": "taps", "amplitude": 1.0, "per_second": 100.0, "length_s": 3.0}
+    # Some 100 begin at 0 and as many at 1 s, of 0.6 in the mean, with samples 0.5, 1, 0.5.
+    assert force_signal(keys, 1.0, 2, (1, 2)) == pytest.approx([30.0, 90.0], rel=0.1)
