@@ -6,11 +6,15 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.text import Text
 from PIL import Image
 
 from tautwave.canvas import (
     DARK,
+    EDGE,
+    GRID,
+    INK,
     MASTER,
     PAPER,
     SLAVE,
@@ -149,6 +153,46 @@ def test_a_paper_gets_its_width_its_letters_and_no_title(kind):
         assert b"DejaVuSerif" in data
     else:
         assert b"<text" not in data  # outlines
+
+
+@pytest.mark.parametrize("size", [9.5, 7.0])
+def test_every_word_has_its_share_of_the_letters_asked_for(size):
+    """Labels of axes 95 %, numbers at ticks 93 %."""
+    with styled(Style(size=size)):
+        figure, (_, panel) = drawn()
+    svg(figure, "a")
+    assert panel.yaxis.label.get_fontsize() == pytest.approx(0.95 * size)
+    assert panel.xaxis.label.get_fontsize() == pytest.approx(0.95 * size)
+    for axis in (panel.xaxis, panel.yaxis):
+        (number,) = {text.get_fontsize() for text in axis.get_ticklabels()}
+        assert number == pytest.approx(0.93 * size)
+
+
+def test_a_panel_has_two_spines_a_grid_behind_and_plain_numbers():
+    figure, (panel,) = panels([1.5], "title", False)
+    panel.plot([0.0, 1.0], [-1000.0, -1000.01])
+    svg(figure, "a")
+    shown = {name for name, spine in panel.spines.items() if spine.get_visible()}
+    assert shown == {"left", "bottom"}
+    assert {to_hex(panel.spines[name].get_edgecolor()) for name in shown} == {EDGE}
+    assert all(line.get_visible() for line in panel.get_xgridlines() + panel.get_ygridlines())
+    assert {to_hex(line.get_color()) for line in panel.get_ygridlines()} == {GRID}
+    assert panel.get_axisbelow() is True
+    assert panel.yaxis.get_major_formatter().get_offset() == ""
+    assert "\N{MINUS SIGN}1000.0100" in [text.get_text() for text in panel.get_yticklabels()]
+    assert panel.patch.get_facecolor()[3] == 0.0
+    for axis in (panel.xaxis, panel.yaxis):
+        assert {to_hex(text.get_color()) for text in axis.get_ticklabels()} == {INK}
+        assert {to_hex(tick.tick1line.get_color()) for tick in axis.get_major_ticks()} == {EDGE}
+        (size,) = {tick.tick1line.get_markersize() for tick in axis.get_major_ticks()}
+        assert size == 3.5
+
+
+def test_a_wider_figure_is_higher_within_bounds():
+    assert [Style(width=w).height for w in (1.0, 4.08, 6.8, 8.84, 20.0)] == pytest.approx(
+        [0.6, 0.6, 1.0, 1.3, 1.3]
+    )
+    assert Style(size=19.0).stroke == 2.0
 
 
 @pytest.mark.slow

@@ -163,3 +163,85 @@ def test_the_command_says_what_bars_a_run_by_its_exit_code(tmp_path: Path) -> No
 def test_no_ip_command_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
     assert wires.link_details("can0") == {}
+
+
+@pytest.mark.parametrize(
+    ("printed", "code", "found"),
+    [
+        ('[{"ifname": "can0"}]', 0, {"ifname": "can0"}),
+        ('[{"ifname": "can0"}, {"ifname": "can1"}]', 0, {"ifname": "can0"}),
+        ('[{"ifname": "can0"}]', 1, {}),
+        ("[]", 0, {}),
+        ('{"ifname": "can0"}', 0, {}),
+        ("[4]", 0, {}),
+        ('Object "details" is unknown', 0, {}),
+        ("", 0, {}),
+    ],
+)
+def test_what_ip_prints_of_an_interface_is_its_first_object(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: str, code: int, found: Any
+) -> None:
+    command = tmp_path / "ip"
+    script = f"echo \"$*\" > '{tmp_path}/asked'\necho '{printed}'\nexit {code}\n"
+    command.write_text(f"#!/bin/sh\n{script}")
+    command.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert wires.link_details("can0") == found
+    assert (tmp_path / "asked").read_text() == "-details -json link show can0\n"
+
+
+def test_what_mends_an_interface_is_the_whole_command(tmp_path: Path) -> None:
+    up = "sudo ip link set can0 up type can bitrate"
+    down = "sudo ip link set can0 down"
+
+    def mended(rate: int | None, links: wires.Links, flags: str = "0x1") -> list[str]:
+        found = wires.can_interface("can0", can(tmp_path, flags), rate, links)
+        return [one.command for one in found if one.state != GOOD]
+
+    def nothing(_: str) -> dict[str, Any]:
+        return {}
+
+    assert mended(500_000, nothing, "0x0") == [f"{up} 500000"]
+    assert mended(None, details(250_000), "0x0") == [f"{up} 250000"]
+    assert mended(None, nothing, "0x1002") == [f"{up} 1000000"]
+    assert mended(None, details(250_000)) == []
+    assert mended(500_000, details(250_000)) == [f"{down}; {up} 500000"]
+    for state in ("ERROR-PASSIVE", "BUS-OFF"):
+        assert mended(500_000, details(500_000, state)) == [f"{down}; {up} 500000 restart-ms 100"]
+    (tmp_path / "sys/class/net/vcan3").mkdir()
+    put(tmp_path, "sys/class/net/vcan3/flags", "0x0")
+    barred, unknown = wires.can_interface("vcan3", tmp_path, 500_000, nothing)
+    assert barred == Finding("vcan3", BARS, "down", "no frame passes", "sudo ip link set vcan3 up")
+    assert unknown == Finding("vcan3", UNKNOWN, "queue length: the kernel does not say")
+    (gone,) = wires.can_interface("can9", tmp_path, None, nothing)
+    assert gone == Finding(
+        "can9",
+        BARS,
+        "is not there",
+        "the run cannot open it",
+        "plug the adapter in and load its driver; `ip link` lists those there are",
+    )
+
+
+@pytest.mark.parametrize(("frames", "costs"), [("19", True), ("20", False)])
+def test_a_queue_holds_two_cycles_of_six_axes(tmp_path: Path, frames: str, costs: bool) -> None:
+    found = list(wires.can_interface("can0", can(tmp_path, queue=frames), None, details()))
+    queue = Finding(
+        "can0",
+        COSTS,
+        f"queue of {frames} frames",
+        "a cycle that sends more at once loses frames",
+        "sudo ip link set can0 txqueuelen 100",
+    )
+    assert found == [Finding("can0", GOOD, "up, 1000000 bit/s"), *([queue] * costs)]
+
+
+def test_only_can_interfaces_and_usb_serial_ports_are_listed(tmp_path: Path) -> None:
+    put(can(tmp_path), "sys/class/net/eth0/type", "1")
+    put(tmp_path, "sys/class/net/can10/type", "280")
+    assert wires.can_interfaces(tmp_path) == ["can0", "can10"]
+    for name in ("ttyUSB1", "ttyACM0", "ttyS0", "ttyUSB0"):
+        put(tmp_path, f"dev/{name}", "")
+    assert wires.serial_ports(tmp_path) == ["/dev/ttyACM0", "/dev/ttyUSB0", "/dev/ttyUSB1"]
+    (found,) = wires.serial_port("/dev/ttyACM0", tmp_path)
+    assert found == Finding("/dev/ttyACM0", GOOD, "no latency timer to be set")
