@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -182,6 +183,29 @@ def test_a_planted_fault_is_caught(force: Any, stored: Any, check: str) -> None:
     bench = planted(force) if stored is None else planted(force, stored)
     with pytest.raises(AssertionError):
         getattr(EnvironmentContract(), f"test_{check}")(bench)
+
+
+@pytest.mark.parametrize(("share", "given"), [(1e-13, False), (9e-13, False), (3e-12, True)])
+def test_rounding_is_no_gift_and_what_is_more_is_caught(share: float, given: bool) -> None:
+    """A force that leans with the motion: by 1e-12 of its own size it may be rounding."""
+    bench = planted(lambda p, x, v: -x + math.copysign(share * x, v) if v else -x)
+    suite = EnvironmentContract()
+    if given:
+        with pytest.raises(AssertionError, match=r"it gives energy at -1\.0, 1\.0"):
+            suite.test_motion_is_opposed(bench)
+    else:
+        suite.test_motion_is_opposed(bench)
+
+
+@pytest.mark.parametrize("fastest", [True, False])
+def test_what_gives_energy_at_one_speed_only_is_caught(fastest: bool) -> None:
+    """At the greatest speed, or so slowly that a step of any size would pass over it."""
+
+    def force(p: Any, x: float, v: float) -> float:
+        return 0.1 * v if fastest == (math.fabs(v) > 0.5) else -v
+
+    with pytest.raises(AssertionError, match="it gives energy at"):
+        EnvironmentContract().test_motion_is_opposed(planted(force))
 
 
 def test_a_planted_jump_is_caught() -> None:
