@@ -15,6 +15,8 @@ from tautwave import registry
 from tautwave.config import EnvironmentPart
 from tautwave.config.keys.coupling import Account
 from tautwave.couplings.account import with_account
+from tautwave.models.part_contact import part_step
+from tautwave.models.plant_params import PlantParams
 from tautwave.testing import (
     CouplingBench,
     CouplingContract,
@@ -22,6 +24,7 @@ from tautwave.testing import (
     EnvironmentContract,
     HandBench,
     HandContract,
+    environments,
 )
 from tautwave.truth import EnvironmentPlugin
 
@@ -212,6 +215,136 @@ def test_a_planted_jump_is_caught() -> None:
     bench = planted(lambda p, x, v: -v if x > 0.1234 else 0.0)
     with pytest.raises(AssertionError, match=r"it jumps by 1 near 0.1234"):
         EnvironmentContract().test_jumps_are_declared_as_kinks(bench, 1.0)
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        lambda p, x, v: 5.008 if x > 0.1234 else 5.0,  # small beside the force
+        lambda p, x, v: 1e-9 if x > 0.1234 else 0.0,
+        lambda p, x, v: 5.0 - x + (x > 0.1234),
+    ],
+)
+def test_a_jump_of_any_size_is_caught(force: Any) -> None:
+    with pytest.raises(AssertionError, match=r"it jumps by .* near 0\.1234, which is not a dec"):
+        EnvironmentContract().test_jumps_are_declared_as_kinks(planted(force), 0.0)
+
+
+def test_steepness_and_a_declared_jump_are_none() -> None:
+    suite = EnvironmentContract()
+    suite.test_jumps_are_declared_as_kinks(planted(lambda p, x, v: -math.tanh(1e5 * x)), 0.0)
+    plugin = EnvironmentPlugin(
+        "planted",
+        Bare,
+        lambda keys: (0.1234,),
+        lambda p, x, v: -1.0 if x > p[0] else 0.0,
+        lambda p, x: x - p[0] if x > p[0] else 0.0,
+        lambda p: p,
+    )
+    bench = EnvironmentBench(plugin, {}, -1.0, 1.0, 1.0)
+    assert bench.places()[112:115] == [pytest.approx(0.12), 0.1234, pytest.approx(0.13)]
+    suite.test_jumps_are_declared_as_kinks(bench, 1.0)
+    suite.test_the_force_at_rest_is_the_slope_of_the_energy(bench)
+
+
+SEEN: list[tuple[float, float]] = []
+
+
+def seen(p: Any, x: float, v: float) -> float:
+    SEEN.append((x, v))
+    return 0.0
+
+
+def wide(force: Any = seen, stored: Any = lambda p, x: 0.0) -> EnvironmentBench:
+    """From -2 to 3, at up to 4, of mass 0.5."""
+    return planted(force, stored)._replace(low=-2.0, high=3.0, speed=4.0, mass=0.5)
+
+
+def test_the_suite_looks_at_the_whole_range_at_every_speed() -> None:
+    suite, bench = EnvironmentContract(), wide()
+    places = [-2.0 + 0.025 * at for at in range(201)]
+    assert bench.places() == pytest.approx(places, abs=1e-12)
+    for check, speeds in (
+        (suite.test_force_and_energy_are_finite, [-4.0, 0.0, 4.0]),
+        (suite.test_motion_is_opposed, [-4.0, -0.4, -0.004, 0.0, 0.004, 0.4, 4.0]),
+        (suite.test_the_force_at_rest_is_the_slope_of_the_energy, [0.0]),
+    ):
+        SEEN.clear()
+        check(bench)
+        assert sorted({v for _, v in SEEN}) == pytest.approx(speeds)
+        assert sorted({x for x, _ in SEEN}) == bench.places()
+    for share in (0.0, 1.0, -1.0):
+        SEEN.clear()
+        suite.test_jumps_are_declared_as_kinks(bench, share)
+        assert {v for _, v in SEEN} == {4.0 * share}
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e3])
+def test_what_is_shaken_goes_beyond_either_end_at_about_its_greatest_speed(
+    monkeypatch: pytest.MonkeyPatch, scale: float
+) -> None:
+    """Whatever the range, the speed and the inertia are measured in."""
+    shaken: list[tuple[float, float]] = []
+
+    def step(plant: PlantParams, *more: Any) -> Any:
+        assert plant == PlantParams(0.5 / scale, *[0.0] * 9, 1.0)
+        shaken.append(more[1:3])
+        return part_step(plant, *more)
+
+    monkeypatch.setattr(environments, "part_step", step)
+    bench = wide()._replace(low=-2.0 * scale, high=3.0 * scale, mass=0.5 / scale)
+    EnvironmentContract().test_it_gives_no_energy_to_what_shakes_it(bench)
+    assert len(shaken) == 500
+    assert shaken[0] == (0.5 * scale, 0.0)
+    places = [x / scale for x, _ in shaken]
+    assert -2.5 < min(places) < -2.0
+    assert 3.0 < max(places) < 3.5
+    assert 3.2 < max(math.fabs(v) for _, v in shaken) <= 4.0
+
+
+@pytest.mark.parametrize(("gain", "caught"), [(0.0, False), (1e-5, True)])
+def test_a_spring_keeps_its_energy_and_one_that_gives_a_little_is_caught(
+    gain: float, caught: bool
+) -> None:
+    bench = wide(lambda p, x, v: -3.0 * x + gain * v, lambda p, x: 1.5 * x * x)
+    suite = EnvironmentContract()
+    if caught:
+        with pytest.raises(AssertionError, match=r"it gave .* J at"):
+            suite.test_it_gives_no_energy_to_what_shakes_it(bench)
+    else:
+        suite.test_it_gives_no_energy_to_what_shakes_it(bench)
+
+
+@pytest.mark.parametrize(
+    ("force", "stored", "caught"),
+    [
+        (lambda x: -1.00005 * x, lambda x: 0.5 * x * x, False),
+        (lambda x: -1.0003 * x, lambda x: 0.5 * x * x, True),
+        (lambda x: -x - 5e-7, lambda x: 0.5 * x * x, False),  # of the greatest force, 1
+        (lambda x: -x - 3e-6, lambda x: 0.5 * x * x, True),
+        (lambda x: -100.0 * x - 5e-5, lambda x: 50.0 * x * x, False),
+        (lambda x: 0.0, lambda x: 1e-13 * x, False),
+        (lambda x: 0.0, lambda x: 1e-9 * x, True),
+    ],
+)
+def test_a_slope_is_a_force_to_four_digits_of_its_own_and_six_of_the_greatest(
+    force: Any, stored: Any, caught: bool
+) -> None:
+    bench = planted(lambda p, x, v: force(x), lambda p, x: stored(x))
+    suite = EnvironmentContract()
+    if caught:
+        with pytest.raises(AssertionError, match="at "):
+            suite.test_the_force_at_rest_is_the_slope_of_the_energy(bench)
+    else:
+        suite.test_the_force_at_rest_is_the_slope_of_the_energy(bench)
+
+
+def test_calls_are_measured_in_the_middle_of_the_range_at_the_greatest_speed() -> None:
+    def force(p: Any, x: float, v: float) -> float:
+        return sum([0.0] * 500) if (x, v) == (0.5, 4.0) else 0.0
+
+    with pytest.raises(AssertionError, match="bytes in a call"):
+        EnvironmentContract().test_a_call_allocates_nothing_but_numbers(wide(force))
 
 
 def test_what_numba_cannot_compile_says_why() -> None:

@@ -133,14 +133,15 @@ class EnvironmentContract:
         plant = PlantParams(bench.mass, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
         draw = random.Random(1)
         x, v, lost, flow = 0.5 * (bench.low + bench.high), 0.0, 0.0, 0.0
-        push = bench.mass * bench.speed * 20.0
+        h = 0.01 * (bench.high - bench.low) / bench.speed  # 500 steps: from end to end, and back
+        push = 0.05 * bench.mass * bench.speed / h
         for _ in range(500):
             inward = (
                 0.0 if bench.low < x < bench.high else -2.0 * math.copysign(push, x - bench.low)
             )
             command = push * draw.uniform(-1.0, 1.0) + inward
             before = x
-            x, v, _, _, _, _, given = part_step(plant, part, x, v, command, 0.0, 0.0, 1e-3)
+            x, v, _, _, _, _, given = part_step(plant, part, x, v, command, 0.0, 0.0, h)
             flow += math.fabs(command * (x - before)) + math.fabs(given)
             lost += given
             assert lost >= -1e-9 * flow, f"it gave {-lost:g} J at {x:g}"
