@@ -216,7 +216,7 @@ def test_the_kernel_is_asked_for_a_raw_line_of_these_characters(
     asked: list[bytes] = []
     ioctl = fcntl.ioctl
 
-    def spy(fd: int, request: int, *argument: bytes) -> Any:
+    def spy(fd: int, request: int, *argument: Any) -> Any:
         if request == 0x402C542B:  # TCSETS2
             asked.append(argument[0])
         return ioctl(fd, request, *argument)

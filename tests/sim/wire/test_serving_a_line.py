@@ -58,7 +58,8 @@ class Device:
 
 def serve(line: SerialLine, link: Path | None, *steps: Callable[[str], None]) -> StepClock:
     """Serve a line for as many turns as there are steps, each done before its turn."""
-    clock, told, left = StepClock(), [], list(steps)
+    clock, left = StepClock(), list(steps)
+    told: list[str] = []
 
     def stopped() -> bool:
         if left:
