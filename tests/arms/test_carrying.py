@@ -59,6 +59,7 @@ def test_a_carried_load_is_not_felt_and_another_one_is() -> None:
     assert np.abs(carried - bare).max() < 0.05 * settled.mean()
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("delay", [0.0, 0.0015, 0.002])
 def test_motors_and_books_agree_on_every_joule(delay: float) -> None:
     more = [*CLEAN, LOAD, f"buses.arm.options={{command_delay_s: {delay}}}"]

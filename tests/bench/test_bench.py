@@ -190,6 +190,7 @@ def test_the_suites_name_every_goal_of_speed_and_memory() -> None:
         assert any(word in name for name in goals)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("words", [(), ("loop",), ("laws",), ("loop", "--hour")])
 def test_tables_and_goals_are_printed(words: tuple[str, ...]) -> None:

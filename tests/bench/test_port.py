@@ -70,6 +70,7 @@ def test_before_went_limp_and_after_does_not() -> None:
     assert after.share == pytest.approx(1.0, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_hold_is_judged_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the same force as in one run."""
     monkeypatch.setattr(long_hold, "PIECE_S", 3.0)

@@ -94,6 +94,7 @@ def test_a_string_s_samples_stay_whole_and_its_pitch_the_same() -> None:
     assert list(peers_network.scipy_network(stage, played(stage, "discrete_gradient", 1), ())) == []
 
 
+@pytest.mark.slow
 def test_a_scene_in_space_is_run_at_any_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenes, "FINEST_IN_SPACE", 8)
     stage = stage_of(scenes.NET, 0.1, 0.008)

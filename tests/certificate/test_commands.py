@@ -87,7 +87,7 @@ def test_check_of_two_axes_is_light() -> None:
     assert min(seconds for seconds, _ in found) < 25.0 * start
 
 
-@pytest.mark.sparse(5)
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("name", "state"),
     [
@@ -167,6 +167,7 @@ def test_run_may_be_allowed_and_carries_a_banner(tmp_path: Path) -> None:
     assert "2.25 x the passive limit 4" in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
     derated = wall(9.0, 0.0, "derate: true")
@@ -189,6 +190,7 @@ def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
     assert again.exit_code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 def test_overruns_in_a_wall_that_let_energy_out_break_the_certificate(tmp_path: Path) -> None:
     slow = [f"--set={side}.axes.lever.effort_rate_limit=500" for side in ("master", "slave")]
@@ -220,6 +222,7 @@ def test_a_wall_that_pays_back_what_a_stall_let_out_keeps_its_claim(tmp_path: Pa
     assert re.search(r"J more than it took\. It claims \S+ J for that", held["sentence"])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 def test_overruns_in_a_wall_that_let_none_out_do_not(tmp_path: Path) -> None:
     done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *overruns(3), cwd=tmp_path)
@@ -231,6 +234,7 @@ def test_overruns_in_a_wall_that_let_none_out_do_not(tmp_path: Path) -> None:
         assert "No contact of this run gave more than it took" in held["sentence"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 def test_overruns_out_of_contact_break_nothing(tmp_path: Path) -> None:
     still = "simulation.hand.lever.reference={type: hold, position: 0.0}"

@@ -88,6 +88,7 @@ def test_a_better_belief_brings_what_was_promised() -> None:
     assert gained == pytest.approx(float(promised), abs=5.0)  # what is proved lags the grid
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     "changes",
     [

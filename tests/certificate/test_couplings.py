@@ -24,6 +24,7 @@ BARE = (*NO_WALLS, *NO_QUANTUM, f"{PAIR}.wave_filter_hz=")
 # -- wave ports -----------------------------------------------------------------------------------
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("periods", [0, 1, 3])
 def test_a_wave_port_is_passive_for_whole_command_delays(periods: int) -> None:
     late = f"buses.arm.options={{command_delay_s: {periods * 1e-3}}}"

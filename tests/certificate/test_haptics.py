@@ -129,6 +129,7 @@ def test_limit_cycles_are_of_walls_that_fail_only() -> None:
     assert boundless.as_dict()["predicted"]["depth"] is None
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("change", "named"), [({}, True), ({"predicted": None}, False), ({"predicted": REST}, False)]
 )

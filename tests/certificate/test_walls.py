@@ -232,6 +232,7 @@ def test_derate_cannot_save_a_wall_with_too_much_damping() -> None:
     assert certificate.walls["slave.lever"]["rendered_stiffness"] == 9.0
 
 
+@pytest.mark.slow
 def test_derate_follows_the_required_verdict() -> None:
     asked = wall(50.0, 0.0, "derate: true")
     stable = certified(asked, "require=coupled_stable")
@@ -244,6 +245,7 @@ def test_derate_follows_the_required_verdict() -> None:
     assert element(quantised, "slave wall").passive_quantised.passed
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("damping", [0.0, 1e-4])
 @pytest.mark.parametrize("step", [0.0, 2.094e-5])
 def test_derate_counts_the_steps_of_encoder_and_effort(step: float, damping: float) -> None:

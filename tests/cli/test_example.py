@@ -29,6 +29,7 @@ def test_every_shipped_file_is_listed_with_a_sentence(tautwave_cli: Cli) -> None
     assert all(name in table for name in NAMES)
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_copy_holds_all_that_the_file_names(tautwave_cli: Cli, name: str) -> None:
     done = tautwave_cli("example", name)

@@ -15,6 +15,7 @@ from tests.config.bench import BENCH
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.installed
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_round_trip_of_shipped_rigs(path: Path) -> None:

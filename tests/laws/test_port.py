@@ -98,6 +98,7 @@ def attacks(end: Ends, trials: int, seed: int, **given: Any) -> tuple[float, int
     return greatest, stopped
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("delay", [0, 1, 2])
 @pytest.mark.parametrize("pole", [0.5, 0.3, None])
 def test_no_adversary_draws_more_than_the_claim(pole: float | None, delay: int) -> None:

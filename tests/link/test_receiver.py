@@ -180,6 +180,7 @@ def test_starved_it_waits_and_invents_nothing() -> None:
     assert run.receiver.pointer == run.receiver.newest
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("stretch", [200e-6, -200e-6])
 def test_clocks_that_differ_cost_slips_and_no_position(stretch: float) -> None:
     """10 s at 200 ppm are four slots of 2 kHz; the pointer stays as far behind as it should."""

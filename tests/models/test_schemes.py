@@ -248,6 +248,7 @@ def test_every_scheme_finds_the_restitution_of_a_lossy_contact(scheme: str, most
         assert -v == pytest.approx(want, abs=most)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("scheme", ["discrete_gradient", "dormand_prince", "exact"])
 def test_books_close_with_everything_there(scheme: str) -> None:
     p = plant(0.1, 0.3, 0.05, (538.0, 5.0), (0.0, 0.0), (4e3, 3.0, 0.001, 1.0))

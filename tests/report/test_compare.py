@@ -1,12 +1,15 @@
 import json
 import math
 
+import pytest
+
 from tautwave.report import compare_reports
 from tautwave.report.units import quantity, significant
 from tests.report.synthetic import make_run
 from tests.report.test_page import Page
 
 
+@pytest.mark.slow
 def test_two_runs_side_by_side(tmp_path, reported):
     second = make_run(tmp_path / "second", rows=2000, delay=50)
     target = compare_reports(reported, tmp_path / "second", tmp_path / "out")

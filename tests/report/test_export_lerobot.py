@@ -267,6 +267,7 @@ def test_a_picture_that_stands_is_none(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "bare/meta/info.json").read_text())["video_path"] is None
 
 
+@pytest.mark.sparse(5)
 @pytest.mark.parametrize(
     ("damage", "text"),
     [

@@ -31,6 +31,7 @@ sys.exit(code)
 """
 
 
+@pytest.mark.slow
 def test_a_run_is_loaded_once_and_its_summary_written_once(
     tmp_path: Path, columns: Columns
 ) -> None:

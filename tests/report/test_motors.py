@@ -57,6 +57,7 @@ def true_work(run: Run, weight: float) -> np.ndarray[Any, Any]:
     return np.asarray(master - master[0] + weight * (slave - slave[0]))
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("changes", [(), SCALED])
 def test_what_the_motors_gave_is_their_work_on_the_devices(changes: tuple[str, ...]) -> None:
     loaded = rig(*QUIET, *changes)

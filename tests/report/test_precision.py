@@ -71,6 +71,7 @@ def test_the_exact_devices_are_their_oracle(reported: dict[str, Any]) -> None:
     assert oracle["position"] < 1e-9 * reported["pairs"]["lever"]["travel"]
 
 
+@pytest.mark.slow
 def test_a_coarse_integrator_is_distinguished_from_its_oracle(tmp_path: Path) -> None:
     rig = rig_of("simulation.integrator.scheme=symplectic_euler")
     run = load_run(leave_run(tmp_path / "run", rig, simulate(rig, engine="python")))
@@ -82,6 +83,7 @@ def test_a_coarse_integrator_is_distinguished_from_its_oracle(tmp_path: Path) ->
     assert want > 1e-5
 
 
+@pytest.mark.slow
 def test_half_and_double_rate_are_those_rigs_simulated(
     simulated: tuple[Rig, Path], reported: dict[str, Any]
 ) -> None:
@@ -153,6 +155,7 @@ def test_a_long_run_is_replayed_compiled_or_in_part(monkeypatch: pytest.MonkeyPa
     assert precision.replay_of(rig, 3600.0) == precision.Replay(120.0, "compiled", False)
 
 
+@pytest.mark.slow
 def test_a_part_has_no_ramp_at_its_end(
     simulated: tuple[Rig, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

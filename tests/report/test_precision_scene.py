@@ -105,6 +105,7 @@ def test_rk4_is_held_against_the_moment_that_it_has_come_to(
         assert reported[name]["position_rms"] < 0.05 * held
 
 
+@pytest.mark.slow
 def test_the_report_says_so(resonator: Path) -> None:
     facts_of(resonator)
     write_report(resonator)

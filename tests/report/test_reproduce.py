@@ -10,6 +10,7 @@ from tautwave.report.reproduce import CHAPTERS, chapter, granular
 QUICK = [name for name in CHAPTERS if name != "coupling"]
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("name", CHAPTERS)
 def test_every_number_agrees_with_its_reference(name: str) -> None:
     rows = chapter(name).rows()

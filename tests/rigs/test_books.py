@@ -73,6 +73,7 @@ def test_a_minute_at_one_kilohertz_closes(samples: int, b: float) -> None:
     assert_closed(run)
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("features", [(), ALL], ids=["clean", "everything"])
 @pytest.mark.parametrize("periods", [0, 1, 2, 5])
 def test_whole_periods_of_command_delay_are_exact_without_gaps(
@@ -90,6 +91,7 @@ def test_whole_periods_of_command_delay_are_exact_without_gaps(
         assert abs(found.sensing_gap) <= EXACT * found.gross_flow
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("periods", [0, 1, 3])
 @pytest.mark.parametrize("probability", ["missing_probability", "overrun_probability"])
 def test_gaps_are_booked_with_the_efforts_that_acted_in_them(
@@ -172,7 +174,7 @@ def test_admittance_axes_close_as_intervals() -> None:
 # -- what elements generate --------------------------------------------------------------------
 
 
-@pytest.mark.sparse(4)
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("samples", [0, 7, 50])
 @pytest.mark.parametrize("b", [1.0, 30.0, 1000.0])
 def test_a_port_generates_no_more_than_its_bound(samples: int, b: float) -> None:

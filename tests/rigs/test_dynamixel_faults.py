@@ -37,6 +37,7 @@ def test_an_unplugged_adapter_ends_in_a_passive_stop_and_a_clear_sentence() -> N
     assert books(run).residual < 1e-9 * books(run).gross_flow
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("read", ["sync", "fast_sync"])
 def test_a_servo_away_for_a_while_costs_its_own_samples_only(read: str) -> None:
     away = {"kind": "remove", "at_s": 0.40, "id": 1}, {"kind": "restore", "at_s": 0.41, "id": 1}
@@ -56,6 +57,7 @@ def test_a_servo_that_stays_away_ends_the_run() -> None:
     assert run.result.lost[0] <= 1
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("kind", "words"),
     [("overload", "overloaded for too long"), ("overheat", "overheated")],
@@ -67,6 +69,7 @@ def test_a_hardware_error_ends_the_run_in_words(kind: str, words: str) -> None:
     assert words in str(run.result.error)
 
 
+@pytest.mark.slow
 def test_random_faults_leave_the_books_closed_and_are_reproducible() -> None:
     chances = {"lost": 0.02, "corrupted": 0.02, "truncated": 0.01, "extra_bytes": 0.02, "seed": 3}
     line = servos(ONE, TWO, simulator={"faults": chances})

@@ -110,7 +110,7 @@ RIGS: dict[str, Tree] = {
 }
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("name", RIGS)
 def test_the_rows_are_those_of_loopback(name: str) -> None:
     data = RIGS[name]
@@ -130,6 +130,7 @@ def test_the_rows_are_those_of_loopback(name: str) -> None:
     assert np.allclose(slave / step, np.round(slave / step), atol=1e-6)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("name", ["one line", "admittance"])
 def test_the_books_close(name: str) -> None:
     run = run_rig(RIGS[name])

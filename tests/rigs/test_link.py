@@ -46,6 +46,7 @@ def assert_kept(run: Run) -> None:
     assert least_quanta(run, "network") >= 0
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("divisor", [1, 4])
 @pytest.mark.parametrize("play_out", ["fixed", "newest"])
 def test_books_close(divisor: int, play_out: str) -> None:

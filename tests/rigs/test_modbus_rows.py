@@ -187,6 +187,7 @@ def test_contact_at_100_hz_under_a_1_khz_master_is_stable_and_its_price_is_state
     assert any("a rigid environment feels like" in line for line in reported)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("profile", ["generic", "dsy-rs", "cia402"])
 def test_the_fastest_divisor_of_the_budget_loses_nothing(profile: str) -> None:
     """Where bus time says that a line carries a rate, it does, looked at once a cycle."""
@@ -204,6 +205,7 @@ def test_the_fastest_divisor_of_the_budget_loses_nothing(profile: str) -> None:
     assert over_budget(rig_of(data), bus_budgets(rig_of(data)))
 
 
+@pytest.mark.slow
 def test_three_buses_run_in_one_loop_and_their_books_close() -> None:
     run = run_rig(rig_of(yaml.safe_load(THREE.read_text(encoding="utf-8"))), duration_s=5.0)
     for pair in ("wrist", "grip"):

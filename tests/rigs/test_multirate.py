@@ -120,6 +120,7 @@ def test_ten_seconds_of_contact_close(
     assert_within_reserves(run)
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(("master", "slave"), [(1, 10), (10, 1), (3, 7), (1, 50)])
 def test_the_controller_knows_what_slow_motors_did(master: int, slave: int) -> None:
     """Without noise or gaps both books agree to the last bit, in the slots where a bus is read."""

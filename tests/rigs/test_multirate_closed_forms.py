@@ -32,7 +32,7 @@ def known(value: float) -> Tree:
 # -- closed forms --------------------------------------------------------------------------------
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 7), (1, 50, 0)]
 )
@@ -60,7 +60,7 @@ def test_constant_velocity_passes_exactly(master: int, slave: int, samples: int)
             assert lost[-1] - lost[-1000] <= 1e-15 * books(run).gross_flow
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 5), (4, 6, 0), (1, 50, 5)]
 )
@@ -96,6 +96,7 @@ def test_constant_force_passes_exactly_and_stands_off_by_f_tau_over_b(
     assert run["a.position_error"][-1] - unsent == pytest.approx(efforts[0] * tau / 10.0, rel=1e-5)
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 25), (1, 50, 0), (10, 10, 6)]
 )
@@ -132,6 +133,7 @@ def test_a_clamp_feels_as_stiff_as_the_certificate_says(
     assert reported == pytest.approx(slope, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_modes_of_the_certificate_are_those_of_the_run() -> None:
     """A spring at 100 Hz behind a filtered line at 1 kHz: least damped pole of the free swing."""
     data = tree(
@@ -217,6 +219,7 @@ def test_no_position_drifts_over_contacts(master: int, slave: int, quantum: floa
 # -- stable where certified ----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_shipped_rig_is_certified_and_rests_in_contact() -> None:
     rig = load_rig(CONFIGS / "bench-multirate-loopback.yaml")
     assert certify(rig).passed

@@ -93,6 +93,7 @@ def test_a_first_rig_is_certified_firm_and_quiet() -> None:
     assert float(np.max(np.abs(run["lever.position_error"][still]))) < 5e-3
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("spent", ["compensation={viscous: 0.8}", "load={cosine: -9.0}"])
 def test_auto_counts_with_the_damping_that_friction_and_loads_leave(spent: str) -> None:
     """What it takes without them is refused with them, and what it takes with them passes."""

@@ -39,6 +39,7 @@ def late(run, column: str, share: float = 0.5) -> np.ndarray:
     return values[int(share * len(values)) : -500]  # before the release
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("changes", "filtered"),
     [
@@ -187,6 +188,7 @@ def test_the_certificate_says_which_pole_bears_a_stiffer_environment() -> None:
     assert math.isfinite(certified.numbers["true_j"])
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("limit", [0.3, 0.1])
 def test_knocks_that_saturate_the_motors_leave_the_tanks_filled(limit: float) -> None:
     """An effort that limits cut pays for its own period; else a tank is empty 14 to 26 % of it."""

@@ -97,6 +97,7 @@ def test_the_effort_is_the_scenes_answer_to_this_very_sample():
     assert isinstance(built.control, SceneControl)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("name", ["resonator", "granular"])
 def test_a_recording_replays_to_the_bit(name):
     """Measured positions and the seed's forces are all a scene depends on."""
@@ -144,6 +145,7 @@ def test_a_guard_stops_the_run_and_the_scene_lets_go():
     assert (stopped <= 0.3 * np.abs(data["master.stick.velocity"][-200:]) + 1e-12).all()
 
 
+@pytest.mark.slow
 def test_lost_samples_and_skipped_slots_cost_nothing_of_the_books():
     result, data, _ = run_rig(
         "drum",

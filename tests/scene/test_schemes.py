@@ -52,6 +52,7 @@ def without_plastic(network):
     return network._replace(links=tuple(k for k in network.links if k.kind != "plastic"))
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("scheme", ["symplectic", "rk4", "discrete_gradient"])
 def test_every_kind_of_link_keeps_its_books(scheme):
     period = 1e-4
@@ -188,6 +189,7 @@ def test_w3_hertz_contact_is_as_deep_and_as_long_as_the_closed_form():
     assert errors[0] / errors[2] == pytest.approx(16.0, rel=0.3)  # second order
 
 
+@pytest.mark.slow
 def test_w4_hunt_and_crossley_restitution():
     for a, want in ((0.5, 0.7484349316), (5.0, 0.1969802453)):
         network = Network(

@@ -79,6 +79,7 @@ def test_a_bow_keeps_the_string_going():
     assert abs(model.residual()) < 1e-12
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("shaking", [0.1, 0.2])
 def test_a_trembling_bow_leaves_no_step_unsolved(shaking):
     """Newton alone goes to and fro between two pieces of the friction curve, one step in 5000."""

@@ -106,7 +106,7 @@ def test_a_pendulum_on_a_stiff_spring_has_its_period():
     assert abs(model.residual()) < 1e-13
 
 
-@pytest.mark.sparse(5)
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("scheme", ["symplectic", "discrete_gradient"])
 @pytest.mark.parametrize("way", [(0.0, 0.0, 1.0), (1 / 3, 2 / 3, 2 / 3), (-0.6, 0.0, 0.8)])
 def test_a_network_on_a_line_is_the_one_dimensional_network(scheme, way):

@@ -166,6 +166,7 @@ def test_a_port_feels_the_mean_over_the_pieces_of_a_step(monkeypatch):
     assert min(cut) < 1e-2
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e200])
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 def test_a_state_that_is_no_number_ends_in_no_exception_but_overflow(scheme, wrong):
@@ -210,6 +211,7 @@ def test_derivatives_are_those_of_the_pulls():
     assert seen > 15
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 def test_pruning_changes_no_bit(scheme):
     base = everything()

@@ -93,6 +93,7 @@ def set_words(**options: object) -> list[str]:
     return words
 
 
+@pytest.mark.slow
 def test_servos_are_found_by_themselves_and_opened_where_they_are_named(run: Any) -> None:
     rig = config("bench-dynamixel-sim")
     with sim(rig) as (child, (line,)):

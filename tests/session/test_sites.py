@@ -108,6 +108,7 @@ def test_too_much_missed_is_a_new_session(pair: Make) -> None:
     two.until(lambda: not two.slave.held)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     ("slots", "backlog", "sessions"),
     [(60, 0.1, 1), (200, 10.0, 1), (200, 1e-3, 2), pytest.param(4000, 1e-3, 2, marks=SLOW)],

@@ -38,6 +38,7 @@ def books_close(two: Pair) -> None:
     assert away.min() > -1e-12
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("law", LAWS)
 def test_both_sites_follow_each_other_and_their_books_close(law: str) -> None:
     with pair(law) as two:

@@ -72,6 +72,7 @@ KINDS: dict[str, Tree] = {
 }
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("kind", KINDS)
 def test_python_and_live_are_equal(kind: str) -> None:
     live = assert_equal(rig_of(tree(BAD, KINDS[kind])), "python")

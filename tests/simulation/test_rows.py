@@ -34,6 +34,7 @@ SHIPPED = [
 ]
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("path", SHIPPED, ids=[path.stem for path in CONFIGS])
 def test_shipped_rigs(path: Path) -> None:
     live = assert_equal(load_rig(path), "compiled", duration_s=2.5)
@@ -56,6 +57,7 @@ def assert_ends_and_rows(rig: Rig, engine: str) -> None:
         assert_same(live, simulate(rig, engine=engine))
 
 
+@pytest.mark.slow
 @settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(any_rigs())
 def test_rigs_of_every_kind(data: Tree) -> None:

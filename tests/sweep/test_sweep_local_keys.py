@@ -327,6 +327,7 @@ def walls(path: Path, rig: Path, *, noisy: bool = False) -> Path:
     return path
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("noisy", [False, True])
 def test_rows_are_those_of_points_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: bool

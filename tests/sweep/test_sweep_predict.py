@@ -79,6 +79,7 @@ def predicted_motion(rig: Rig, cycles: int) -> np.ndarray[Any, Any]:
     return np.array(motion)[:, at]
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -141,6 +142,7 @@ def test_matrix_moves_as_the_loop_does(
     assert np.abs(np.array(rows) - expected).max() <= 1e-11 * np.abs(expected).max()
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("stiffness", "samples"), [(50.0 / 0.01, 10), (50.0 / 0.08, 80), (1000.0, 20), (1000.0, 14)]
 )

@@ -77,6 +77,7 @@ def ids(path: Path) -> list[str]:
         return [row["id"] for row in csv.DictReader(file)]
 
 
+@pytest.mark.slow
 def test_killed_sweep_loses_nothing_and_does_nothing_twice(tmp_path: Path) -> None:
     path = sweep(tmp_path / "sweep.yaml", rows=6, columns=10)
     plan = load_sweep(path)

@@ -82,6 +82,7 @@ FAULTS = {
 }  # fmt: skip
 
 
+@pytest.mark.sparse(4)
 @READS
 @pytest.mark.parametrize("kind", [*FAULTS, "all"])
 def test_bad_bytes_cost_samples_but_never_a_wrong_one(read: str, kind: str) -> None:

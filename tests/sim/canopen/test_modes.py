@@ -107,6 +107,7 @@ def test_cyclic_position_follows_a_ramp(servo: bool) -> None:
     assert node.read(1, 0x6064, signed=True) == pytest.approx(1996, abs=2)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("servo", [False, True], ids=["impedance", "servo"])
 def test_profile_position_goes_there_and_tells(servo: bool) -> None:
     node = node_in(PP, POSITION_MAP, servo=servo, mass=0.005)
@@ -159,6 +160,7 @@ def test_quick_stop_brakes_by_its_ramp_in_a_torque_mode_too(option: int) -> None
     assert node.device().drive.motor.torque_counts == 0
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("mode", [PV, PP])
 @pytest.mark.parametrize(("option", "step"), [(1, 1000), (2, 20_000)])
 def test_halt_brakes_as_605d_says(mode: int, option: int, step: int) -> None:

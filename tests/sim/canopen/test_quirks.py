@@ -296,6 +296,7 @@ def test_a_bus_that_goes_down_and_comes_back() -> None:
     assert len(node.torque(10)) == 2
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(
     "kind", ["lost", "delayed", "duplicated", "corrupted", "error_frame", "sync_lost"]
 )

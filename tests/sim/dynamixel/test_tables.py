@@ -105,6 +105,7 @@ def test_every_register_reads_its_default_on_the_wire(model: Model) -> None:
             assert host.read(1, item.name) == item.initial, item.name
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("model", NEW, ids=lambda model: model.name)
 def test_every_register_takes_its_ends_and_no_more(model: Model) -> None:
     """Each writable item takes lowest and highest value, refuses one beyond, and reads back."""
