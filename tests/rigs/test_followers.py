@@ -111,7 +111,7 @@ def test_a_simulated_device_that_is_not_as_believed_fails(change: Tree, says: st
 
 
 class Recorder:
-    """A driver that keeps what it is told; its devices, one as a rule, are at `place`."""
+    """A driver that keeps what it gets; its devices, one as a rule, are at `place`."""
 
     def __init__(self, delay: CommandDelay) -> None:
         self.command_delay = delay

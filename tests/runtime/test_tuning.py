@@ -109,7 +109,7 @@ def test_a_wall_that_is_not_touched_stiffens_within_the_ramp() -> None:
     assert acts[-1] == 3.0
 
 
-def test_viewers_are_told_of_every_knob_and_of_what_is_fixed() -> None:
+def test_viewers_are_sent_every_knob_and_of_what_is_fixed() -> None:
     rig = load_rig(BENCH)
     control = build_rig(rig, clock="fake").control
     knobs = [knob for knob in knobs_of(rig, control) if knob.path in (K, FILTER)]

@@ -193,7 +193,7 @@ def test_a_drive_that_failed_is_as_new_when_it_is_enabled_again() -> None:
     made.run(5, 0.2)
     assert made.commanded(0) == 200.0
     made.run(50, 0.2)
-    assert [(fault.text, fault.fatal) for fault in made.faults()] == first  # told again
+    assert [(fault.text, fault.fatal) for fault in made.faults()] == first  # reported anew
     made.driver.close()
 
 
