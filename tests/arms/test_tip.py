@@ -328,6 +328,7 @@ def test_of_a_skew_frame_every_axis_counts() -> None:
     assert home_place(task) == pytest.approx(frame @ home, rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_the_compiled_controller_leads_an_arm_to_the_same_bits() -> None:

@@ -292,6 +292,7 @@ def test_a_scene_has_the_ceilings_of_its_axes_and_they_act() -> None:
     assert np.all(sent[1:] <= acts[:-1] + 1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_compiled_scene_takes_the_same_ceilings() -> None:
     rig = rig_of("scene-resonator.yaml")

@@ -96,6 +96,7 @@ def test_what_is_cached_is_known_without_compiling(
     assert compiled.is_cached(motion_bounds)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_one_signature_serves_every_rig_of_a_law() -> None:
     laws = {}
