@@ -14,7 +14,7 @@ import canopen
 import pytest
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 
-from tautwave.clock import MonotonicClock
+from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.contracts import BusSpec
 from tautwave.types import AxisCommand
 from tautwave_drivers.canopen import plugin
@@ -208,3 +208,20 @@ def test_scan_lists_local_nodes(drives: list[Drive]) -> None:
     assert rows[0]["mode"] == "no mode"
     assert rows[0]["errors"] == "none"
     assert "0x2310: continuous overcurrent on the motor side" in rows[1]["errors"]
+
+
+def test_a_bus_without_a_descriptor_is_looked_at_every_200_us_and_keeps_what_it_saw() -> None:
+    clock = FakeClock()
+    bus, other = (can.Bus(interface="virtual", channel="polled") for _ in range(2))
+    port = polled(bus, clock, "virtual")
+    try:
+        assert port.next_event_ns() == clock.now_ns() + 200_000
+        assert not port.readable()
+        for number in (1, 2):
+            other.send(can.Message(arbitration_id=number, data=b"x", is_extended_id=False))
+        assert port.readable()
+        assert port.readable()
+        assert [port.receive() for _ in range(3)] == [(1, b"x", 0), (2, b"x", 0), None]
+    finally:
+        port.close()
+        other.shutdown()

@@ -34,7 +34,13 @@ from tautwave_drivers.cia402.objects import (
     find,
     interpolation_period,
 )
-from tautwave_drivers.cia402.reactions import REACTIONS, acts_on_loss, reaction_text
+from tautwave_drivers.cia402.reactions import (
+    REACTIONS,
+    acts_on_loss,
+    leaves_quick_stop,
+    reaction_text,
+    stays_in_quick_stop,
+)
 
 ASKED = """6040 6041 6060 6061 6502 6064 606C 6077 607A 60FF 6071 6072 6073 6075 6076 6078 607C 607D
 6080 6081 6083 6084 6085 6087 6098 6099 609A 608F 6090 6091 6092 6096 60A8 60A9 60B0 60B1 60B2 60C2
@@ -139,6 +145,10 @@ def test_reactions_in_words() -> None:
     assert "manufacturer" in reaction_text(0x605E, -1)
     assert "not an option code" in reaction_text(0x6040, 1)
     assert [value for value in range(-3, 6) if acts_on_loss(value)] == [1, 2, 3]
+    assert [value for value in range(-3, 12) if leaves_quick_stop(value)] == [1, 2, 3, 4]
+    assert [value for value in range(-3, 12) if stays_in_quick_stop(value)] == [5, 6, 7, 8]
+    assert not stays_in_quick_stop(None)
+    assert not leaves_quick_stop(None)
     assert set(REACTIONS[0x605A][1]) == set(range(9))
     # CiA 402-2: 0 lets the axis coast, where there is a 0; 1 is its own ramp, whatever the occasion
     for index, least in ((0x605A, 0), (0x605B, 0), (0x605C, 0), (0x605D, 1), (0x605E, 0)):

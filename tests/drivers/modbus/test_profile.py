@@ -147,6 +147,29 @@ def test_what_has_to_be_known_of_a_drive_is_asked_for() -> None:
     assert "less than one count" in refused([tiny])
 
 
+def test_all_that_is_missing_of_a_drive_is_said_at_once() -> None:
+    """Whichever of torque and command it is that needs to know."""
+    options = ModbusOptions.model_validate(options_of([spec(1)], "generic", devices=[{"unit": 1}]))
+    profile = load_profile("generic")
+    linear = spec(1)._replace(kind="linear")
+    name = profile.roles["effort"]
+    amperes = profile.registers[name].model_copy(update={"unit": "A"})
+    by_current = profile.model_copy(
+        update={
+            "counts_per_revolution": None,
+            "registers": {**profile.registers, name: amperes},
+        }
+    )
+    with pytest.raises(ConfigError) as found:
+        scale_of(linear, options.devices[0], by_current)
+    assert list(found.value.problems) == [
+        "counts_per_revolution is required; its profile does not have it",
+        "rated_torque [N m] is required: the drive reports effort as a share of it",
+        "torque_constant [N m/A] is required: the drive reports effort in amperes",
+        "feed [m per turn of the output] is required for a linear axis",
+    ]
+
+
 def test_scales_pass_gear_feed_and_units() -> None:
     profile = load_profile("generic")
     linear = spec(1)._replace(kind="linear")
