@@ -19,6 +19,7 @@ from tautwave.canvas import (
     SOFT,
     WALL,
     dark_rules,
+    element_style,
 )
 
 DEVICES = {"master": MASTER, "slave": SLAVE, "wall": WALL}
@@ -114,3 +115,13 @@ def test_a_dark_page_has_a_rule_for_every_colour():
             one = f'[{what}="{light}"]'
             assert f"figure {one}, path{one} {{ {what}: {dark}; }}" in rules
     assert len(set(DARK)) == len(set(DARK.values())) == len(DARK)
+
+
+def test_dashes_are_the_slaves_unless_a_colour_of_its_own_says_so():
+    master, slave = element_style("port_master"), element_style("port_slave")
+    assert master == {"color": MASTER, "linestyle": "-"}
+    assert slave == {"color": SLAVE, "linestyle": "-"}
+    assert element_style("wall_master") == {"color": WALL, "linestyle": "-"}
+    assert element_style("wall_slave") == {"color": WALL, "linestyle": "--"}
+    assert element_style("line") == {"color": LINE, "linestyle": "-"}
+    assert element_style("what_is_new") == {"color": SOFT, "linestyle": "-"}

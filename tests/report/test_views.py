@@ -94,6 +94,23 @@ def test_columns_spread_in_a_file_are_the_columns(tmp_path, columns, monkeypatch
     assert [p.name for p in tmp_path.iterdir()] == ["recording.mcap"]
 
 
+@pytest.mark.parametrize("fits", [False, True])
+def test_columns_are_spread_only_where_the_disk_has_room_for_all(
+    tmp_path, columns, monkeypatch, fits
+):
+    path = tmp_path / "recording.mcap"
+    write_recording(path, columns)
+    asked = []
+
+    def has_room(folder, needed):
+        asked.append(needed)
+        return fits
+
+    monkeypatch.setattr("tautwave.report.run.scratch._fits", has_room)
+    assert (spread_columns(path, tuple(columns), 3000) is not None) == fits
+    assert set(asked) == {8 * 3000 * len(columns)}
+
+
 def test_noise_is_distinguished_from_a_signal():
     time = np.arange(20_000) * 1e-3
     noise = np.random.default_rng(1).normal(0.0, 0.05, len(time))

@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from tautwave.errors import ConfigError
 from tautwave_drivers.modbus import plugin
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices, scale_of
-from tautwave_drivers.modbus.profile import SHIPPED, load_profile, parse_profile
+from tautwave_drivers.modbus.profile import SHIPPED, Register, load_profile, parse_profile
 from tests.drivers.modbus.parts import bench, bus_of, device, options_of, spec
 
 FOLDER = Path(__file__).parents[3] / "drivers" / "tautwave_drivers" / "modbus" / "profiles"
@@ -80,6 +81,14 @@ def test_addresses_of_the_dsy_rs_are_those_of_its_manual() -> None:
 )
 def test_mistakes_are_reported_with_file_and_key(change: dict[str, Any], sentence: str) -> None:
     assert sentence in problems(generic() | change)
+
+
+@pytest.mark.parametrize(("kind", "last"), [("u16", 0xFFFF), ("i32", 0xFFFE)])
+def test_a_register_ends_at_the_last_address(kind: str, last: int) -> None:
+    assert Register.model_validate({"address": last, "type": kind}).address == last
+    if kind == "i32":
+        with pytest.raises(ValidationError, match="0xffff is the last address"):
+            Register.model_validate({"address": last + 1, "type": kind})
 
 
 def test_a_wrong_register_is_reported_with_its_name() -> None:
