@@ -16,7 +16,7 @@ from tautwave.certificate.picture import certificate_figure, draw_certificate
 from tautwave.certificate.scene.maps import leak_over, needed, own_radius
 from tautwave.config import load_rig
 from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.sampled import linear_scene, loop_poles
+from tautwave.scene.sampled import LinearScene, linear_scene, loop_poles, seen_states
 from tests.scene.networks import RESONATOR
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -175,3 +175,27 @@ def test_the_drawn_curve_begins_where_nothing_moves_yet():
     curves = [line.get_xdata() for line in certificate_figure(rig).axes[0].lines]
     lowest = min(x[0] for x in curves if len(x) > 2)
     assert lowest == pytest.approx(1e-4 * rig.rate_hz / (2.0 * np.pi))
+
+
+@pytest.mark.parametrize(
+    ("last", "felt", "kept"),
+    [(0.0, 0.0, 2), (0.5, 0.0, 3), (0.0, 0.5, 3)],
+    ids=["no damper at the port", "it moves a mass", "it is felt"],
+)
+def test_the_ports_last_position_is_a_state_where_a_damper_is_at_it(
+    last: float, felt: float, kept: int
+) -> None:
+    a = np.array([[1.0, 1e-3, 0.0], [-0.2, 0.9, last], [0.0, 0.0, 0.0]])
+    scene = LinearScene(a, np.array([0.0, 0.2, 1.0]), np.array([-30.0, 0.0, felt]), 30.0, 1e-3)
+    found = seen_states(scene)
+    assert [part.shape for part in found] == [(kept, kept), (kept,), (kept,)]
+    assert np.array_equal(found[0], a[:kept, :kept])
+
+
+def test_a_mass_that_moves_nothing_of_the_port_is_no_state() -> None:
+    a = np.array([[0.5, 0.1, 0.0, 0.0], [0.2, 0.9, 0.0, 0.0], [0.3, 0.0, 0.8, 0.0], [0.0] * 4])
+    c = np.array([-30.0, 0.0, 0.0, 0.0])
+    found = seen_states(LinearScene(a, np.array([0.0, 0.2, 0.1, 1.0]), c, 30.0, 1e-3))
+    assert np.array_equal(found[0], a[:2, :2])
+    assert found[1].tolist() == [0.0, 0.2]
+    assert found[2].tolist() == [-30.0, 0.0]
