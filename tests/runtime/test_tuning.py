@@ -46,6 +46,7 @@ INTO = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0],
 class Tuned(NamedTuple):
     columns: Mapping[str, npt.NDArray[np.float64]]
     changes: list[dict[str, Any]]
+    notes: list[str]
 
     def __getitem__(self, name: str) -> npt.NDArray[np.float64]:
         return self.columns[name]
@@ -79,9 +80,11 @@ def tuned(
                     leave(facts["desk"], list(goals.values()))
 
         sink = Sink(assembly.columns)
+        notes: list[str] = []
+        tuning.note = lambda at_s, text: notes.append(text)
         Loop(assembly.clock, assembly.buses, assembly.control, assembly.sources, sink).run()
         table = np.array(sink.kept)
-        return Tuned(dict(zip(assembly.columns, table.T, strict=True)), tuning.summary())
+        return Tuned(dict(zip(assembly.columns, table.T, strict=True)), tuning.summary(), notes)
 
 
 def test_a_wall_softens_in_contact_and_stiffens_only_out_of_it() -> None:
@@ -96,6 +99,7 @@ def test_a_wall_softens_in_contact_and_stiffens_only_out_of_it() -> None:
     assert falls.max() <= 0.0
     assert run["tuning.generation"][-1] == 2.0
     assert [change["values"] for change in run.changes] == [{K: 1.0}, {K: 2.5}]
+    assert run.notes == [f"{K} 1", f"{K} 2.5"]
     # What the spring gave up when it softened is booked: nothing is left over, nothing is made.
     assert run.residual() < 1e-12
     rigid = tuned(load_rig(BENCH, [INTO]), 1.3, {})
@@ -139,6 +143,7 @@ def test_viewers_are_sent_every_knob_and_of_what_is_fixed() -> None:
 def test_a_set_out_of_its_range_is_left_as_a_whole() -> None:
     run = tuned(load_rig(BENCH), 0.3, {0.1: {K: 1.0, FILTER: 1e4}})
     assert run.changes == []
+    assert run.notes == [f"refused: {FILTER} is 5 to 100 Hz"]
     assert set(run["tuning.slave.lever.wall_stiffness"]) == {3.0}
     assert set(run["tuning.generation"]) == {0.0}
     run = tuned(load_rig(BENCH), 0.3, {0.1: {K: float("nan")}})
@@ -159,6 +164,7 @@ def test_a_ceiling_falls_at_once_and_rises_when_nothing_is_clipped() -> None:
 def test_values_that_change_nothing_change_no_bit() -> None:
     plain = tuned(load_rig(BENCH), 0.3, {})
     same = tuned(load_rig(BENCH), 0.3, {0.1: {K: 3.0}})
+    assert (plain.notes, same.notes) == ([], ["unchanged"])
     for name, column in plain.columns.items():
         if name != "tuning.generation":
             assert np.array_equal(column, same[name], equal_nan=True), name
