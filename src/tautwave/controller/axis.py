@@ -85,7 +85,10 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
 
 
 def pass_late(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
-    """Let a command of an earlier slot act; return its tag. The present one takes its place."""
+    """Let the command act that was sent `delay` slots ago; return its tag.
+
+    With a remainder `late` the one before it acts for that share of the slot.
+    """
     total = s.total
     port = s.port_effort
     wall = s.wall_effort

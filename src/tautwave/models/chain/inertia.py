@@ -1,8 +1,9 @@
-"""Inertia of a serial chain in motion, in coordinates of its base; SI units.
+"""Inertia of a serial chain in motion; SI units.
 
 A joint's screw is its angular velocity and the velocity of the body point in the base's origin per
 unit speed, so that momentum and force of all bodies add up without being moved (Featherstone,
-Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6, in world coordinates).
+Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6: Coriolis efforts in coordinates of the base,
+the mass matrix by composite bodies in those of the joints).
 """
 
 from __future__ import annotations
@@ -73,8 +74,9 @@ def chain_screws(frames: Any) -> Any:
 def mass_matrix(c: ChainParams, q: Any, frames: Any, out: Any, weight: Any) -> float:
     """Fill `out` with the mass matrix, row by row [kg m^2, kg and between].
 
-    `frames` are those of `chain_frames` at the positions `q` [rad or m]. Fills `weight` and returns
-    the potential energy [J], as `chain_gravity` does: the momentum along gravity is a by-product.
+    `frames` are those of `chain_frames` at the positions `q` [rad or m]. Fills `weight` with the
+    effort that holds each joint against gravity [N m or N] and returns the potential energy [J], as
+    `chain_gravity` does: both are by-products.
 
     All that a joint carries is one rigid body in the joint's frame, taken from one joint to the
     next; row i is its momentum along every joint when joint i alone moves at unit speed.
