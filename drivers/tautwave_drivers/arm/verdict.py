@@ -19,7 +19,7 @@ import numpy as np
 
 from tautwave.contracts import BusSpec
 from tautwave.models.chain.gravity import gravity_stiffness
-from tautwave.models.chain.inertia import mass_matrix
+from tautwave.models.chain.inertia import BASE, chain_screws, mass_matrix
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.task import COORDINATES, task_place
 from tautwave.types import BusElement
@@ -105,7 +105,7 @@ def _sample(
         used = jacobian[list(which)]
         frames = chain_frames(chain, q)
         weight, rows = [0.0] * count, [0.0] * (count * count)
-        mass_matrix(chain, q, frames, rows, weight)
+        mass_matrix(chain, q, frames, chain_screws(frames), BASE, rows, weight)
         matrix = np.array(rows).reshape(count, count)
         matrix += np.diag([joint.inertia_lower for joint in joints])
         soft = used @ np.linalg.solve(matrix, used.T)

@@ -45,8 +45,8 @@ def moved(chain: Any, q: Any, jacobian: Any, weight: Any, matrix: Any) -> float:
     """Pose, Jacobian, gravity and mass matrix."""
     frames = chain_frames(chain, q)
     pose = tip_pose(chain, frames)
-    fill_jacobian(frames, pose, jacobian)
-    return mass_matrix(chain, q, frames, matrix, weight) + pose[0]
+    screws = fill_jacobian(frames, pose, jacobian)
+    return mass_matrix(chain, q, frames, screws, pose, matrix, weight) + pose[0]
 
 
 FUNCTIONS: tuple[Callable[..., Any], ...] = (

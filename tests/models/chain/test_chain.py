@@ -15,7 +15,13 @@ from tautwave.config.inputs.chains import chain_constants
 from tautwave.config.keys.arm import Chain, DhRow, Payload
 from tautwave.models.chain.build import Body, Link, build_chain, is_inertia, joined
 from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
-from tautwave.models.chain.inertia import chain_bodies, chain_coriolis, chain_screws, mass_matrix
+from tautwave.models.chain.inertia import (
+    BASE,
+    chain_bodies,
+    chain_coriolis,
+    chain_screws,
+    mass_matrix,
+)
 from tautwave.models.chain.kinematics import chain_frames, chain_jacobian, tip_pose
 from tautwave.models.load import LoadParams, load_effort, load_energy, load_stiffness
 from tests.models.chain.drawn import draw_chain
@@ -42,7 +48,8 @@ def test_two_links_in_a_plane_have_the_textbooks_gravity_and_inertia() -> None:
     assert energy == pytest.approx(G * height, rel=1e-14)
     matrix = [0.0] * 4
     beside = [0.0, 0.0]
-    assert mass_matrix(chain, (a, b), frames, matrix, beside) == pytest.approx(energy, rel=1e-14)
+    found = mass_matrix(chain, (a, b), frames, chain_screws(frames), BASE, matrix, beside)
+    assert found == pytest.approx(energy, rel=1e-14)
     assert beside == pytest.approx(weight, rel=1e-14)
     off = 0.5 * 0.2**2 + 0.5 * 0.3 * 0.2 * math.cos(b)
     first = 1.5 * 0.3**2 + 0.5 * 0.2**2 + 2 * 0.5 * 0.3 * 0.2 * math.cos(b)

@@ -10,8 +10,14 @@ import pytest
 
 from tautwave.models.chain.build import build_chain
 from tautwave.models.chain.gravity import chain_gravity
-from tautwave.models.chain.inertia import chain_bodies, chain_coriolis, chain_screws, mass_matrix
-from tautwave.models.chain.kinematics import chain_frames, chain_jacobian
+from tautwave.models.chain.inertia import (
+    BASE,
+    chain_bodies,
+    chain_coriolis,
+    chain_screws,
+    mass_matrix,
+)
+from tautwave.models.chain.kinematics import chain_frames, chain_jacobian, fill_jacobian
 from tests.models.chain.drawn import draw_chain, pin_model
 
 GREATEST = 1e-12  # of the largest entry
@@ -55,11 +61,17 @@ def compare(seed: int) -> None:
     bodies, screws = chain_bodies(chain, frames), chain_screws(frames)
     matrix = [0.0] * (count * count)
     beside = [0.0] * count
-    again = mass_matrix(chain, q, frames, matrix, beside)
+    again = mass_matrix(chain, q, frames, screws, BASE, matrix, beside)
     near(beside, held)
     near([again], [energy], least=float(abs(held).max()))
     upper = np.triu(pin.crba(model, data, at))
     near(matrix, upper + np.triu(upper, 1).T)
+    # The same from what a loop has anyway: screws about the tip.
+    moved, above = [0.0] * (count * count), [0.0] * count
+    screws_there = fill_jacobian(frames, pose, [0.0] * (6 * count))
+    assert mass_matrix(chain, q, frames, screws_there, pose, moved, above) == again
+    assert above == beside
+    near(moved, matrix)
     swung = [0.0] * count
     chain_coriolis(bodies, screws, v, swung)
     both = pin.nonLinearEffects(model, data, at, rate)

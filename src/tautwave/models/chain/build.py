@@ -207,20 +207,44 @@ def build_chain(
     for i, body in enumerate(bodies):
         _, ca, sa, gamma, shift = steps[i]
         seen = placed(body, transposed(times(z_along(axes[i]), about_z(betas[i + 1]))), ORIGIN)
+        moment = (seen.mass * at for at in seen.centre)
         (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = _shifted(seen, seen.centre)
         joints.append(
             JointParams(
                 ca, sa, *shift, gamma + betas[i + 1], kinds[i],
-                seen.mass, *seen.centre, ixx, iyy, izz, ixy, ixz, iyz,
+                seen.mass, *moment, ixx, iyy, izz, ixy, ixz, iyz,
             )
         )  # fmt: skip
+    carried: list[tuple[float, ...]] = []
+    beyond, ahead_at = 0.0, ORIGIN  # mass of all that follows, and where the next joint is
+    for joint in reversed(joints):
+        carried.insert(0, _carried(joint, beyond, ahead_at))
+        beyond, ahead_at = carried[0][0], (joint.x, joint.y, joint.z)
     _, ca, sa, gamma, shift = steps[-1]
     return ChainParams(
         math.cos(betas[0]),
         math.sin(betas[0]),
         *gravity,
         tuple(joints),
+        tuple(carried),
         TipParams(ca, sa, *shift, math.cos(gamma), math.sin(gamma)),
+    )
+
+
+def _carried(joint: JointParams, beyond: float, place: Vector) -> tuple[float, ...]:
+    """Return a joint's body with a mass [kg] at a place [m], see `ChainParams.carried`."""
+    x, y, z = place
+    return (
+        joint.mass + beyond,
+        joint.mx + beyond * x,
+        joint.my + beyond * y,
+        joint.mz + beyond * z,
+        0.5 * (joint.iyy + joint.izz - joint.ixx) + beyond * x * x,
+        0.5 * (joint.ixx + joint.izz - joint.iyy) + beyond * y * y,
+        0.5 * (joint.ixx + joint.iyy - joint.izz) + beyond * z * z,
+        beyond * x * y - joint.ixy,
+        beyond * x * z - joint.ixz,
+        beyond * y * z - joint.iyz,
     )
 
 

@@ -24,12 +24,12 @@ def chain_gravity(c: ChainParams, frames: Any, out: Any) -> float:
     i = len(c.joints)
     while i > 0:
         i = i - 1
-        m, cx, cy, cz = c.joints[i][7:11]
+        m, mx, my, mz = c.joints[i][7:11]
         xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, turns = frames[i][2:]
         mass = mass + m
-        sx = sx + m * (px + xx * cx + yx * cy + zx * cz)
-        sy = sy + m * (py + xy * cx + yy * cy + zy * cz)
-        sz = sz + m * (pz + xz * cx + yz * cy + zz * cz)
+        sx = sx + m * px + xx * mx + yx * my + zx * mz
+        sy = sy + m * py + xy * mx + yy * my + zy * mz
+        sz = sz + m * pz + xz * mx + yz * my + zz * mz
         if turns:
             hx = sx - mass * px
             hy = sy - mass * py
@@ -60,8 +60,8 @@ def gravity_stiffness(c: ChainParams, slides: Any, out: Any) -> None:
         i = i - 1
         joint = c.joints[i]
         mass = mass + joint.mass
-        centre = joint.cx * joint.cx + joint.cy * joint.cy + joint.cz * joint.cz
-        moment = moment + joint.mass * math.sqrt(centre)
+        own = joint.mx * joint.mx + joint.my * joint.my + joint.mz * joint.mz
+        moment = moment + math.sqrt(own)
         # Entry (i, j <= i) is at most g times the moment, or the mass where one of both slides.
         for j in range(i + 1):
             entry = g * moment

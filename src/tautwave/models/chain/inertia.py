@@ -12,6 +12,9 @@ from typing import Any
 
 from tautwave.models.chain.params import ChainParams
 
+BASE = (0.0, 0.0, 0.0)
+"""The base's origin [m], about which `chain_screws` are."""
+
 
 def chain_bodies(c: ChainParams, frames: Any) -> Any:
     """Return of every body, in base axes: mass, first moment, inertia about the base's origin.
@@ -22,10 +25,10 @@ def chain_bodies(c: ChainParams, frames: Any) -> Any:
     i = 0
     for frame in frames:
         xx, xy, xz, yx, yy, yz, zx, zy, zz, px, py, pz, _ = frame[2:]
-        m, cx, cy, cz, ia, ib, ic, iab, iac, ibc = c.joints[i][7:]
-        ux = m * (xx * cx + yx * cy + zx * cz)
-        uy = m * (xy * cx + yy * cy + zy * cz)
-        uz = m * (xz * cx + yz * cy + zz * cz)
+        m, mx, my, mz, ia, ib, ic, iab, iac, ibc = c.joints[i][7:]
+        ux = xx * mx + yx * my + zx * mz
+        uy = xy * mx + yy * my + zy * mz
+        uz = xz * mx + yz * my + zz * mz
         ax = ia * xx + iab * yx + iac * zx
         ay = ia * xy + iab * yy + iac * zy
         az = ia * xz + iab * yz + iac * zz
@@ -71,121 +74,133 @@ def chain_screws(frames: Any) -> Any:
     return screws
 
 
-def mass_matrix(c: ChainParams, q: Any, frames: Any, out: Any, weight: Any) -> float:
+def mass_matrix(
+    c: ChainParams, q: Any, frames: Any, screws: Any, about: Any, out: Any, weight: Any
+) -> float:
     """Fill `out` with the mass matrix, row by row [kg m^2, kg and between].
 
-    `frames` are those of `chain_frames` at the positions `q` [rad or m]. Fills `weight` with the
-    effort that holds each joint against gravity [N m or N] and returns the potential energy [J], as
-    `chain_gravity` does: both are by-products.
+    Parameters
+    ----------
+    c : ChainParams
+        The chain.
+    q : sequence of float
+        Positions of the joints [rad or m].
+    frames, screws : list of tuple
+        Of `chain_frames` there, and of `chain_screws` about the base's origin or those that
+        `fill_jacobian` returns, about the tip.
+    about : sequence of float
+        That point in base axes [m], in the first three.
+    out, weight : sequence of float
+        Filled: the matrix, and the effort that holds each joint against gravity [N m or N], as
+        `chain_gravity` finds it: a by-product, like the potential.
 
-    All that a joint carries is one rigid body in the joint's frame, taken from one joint to the
-    next; row i is its momentum along every joint when joint i alone moves at unit speed.
+    Returns
+    -------
+    float
+        The potential energy [J].
+
+    Notes
+    -----
+    All that a joint carries is one body in the joint's frame, taken from one joint to the next; row
+    i is its momentum along every joint when joint i alone moves at unit speed. `c.carried` has the
+    mass already where the next joint is, so that only moments travel.
     """
-    gx = c.gx
-    gy = c.gy
-    gz = c.gz
-    screws = chain_screws(frames)
+    gx = -c.gx
+    gy = -c.gy
+    gz = -c.gz
+    rx = about[0]
+    ry = about[1]
+    rz = about[2]
     count = len(screws)
-    m = 0.0
-    sx = 0.0
-    sy = 0.0
-    sz = 0.0
-    xx = 0.0
-    yy = 0.0
-    zz = 0.0
-    xy = 0.0
-    xz = 0.0
-    yz = 0.0
-    potential = 0.0
-    i = count
-    while i > 0:
-        i = i - 1
-        ca, sa, ox, oy, oz, _, _, bm, bx, by, bz, bxx, byy, bzz, bxy, bxz, byz = c.joints[i]
+    i = count - 1
+    m, sx, sy, sz, xx, yy, zz, xy, xz, yz = c.carried[i]
+    while True:
         cq, sq, ax, ay, az, ex, ey, ez, dx, dy, dz, px, py, pz, turns = frames[i]
-        m = m + bm
-        sx = sx + bm * bx
-        sy = sy + bm * by
-        sz = sz + bm * bz
-        xx = xx + bxx
-        yy = yy + byy
-        zz = zz + bzz
-        xy = xy + bxy
-        xz = xz + bxz
-        yz = yz + byz
-        # Momentum and its moment about the base's origin, in base axes.
+        # Momentum in base axes.
         if turns:
             lx = sx * ex - sy * ax
             ly = sx * ey - sy * ay
             lz = sx * ez - sy * az
-            hx = xz * ax + yz * ex + zz * dx + py * lz - pz * ly
-            hy = xz * ay + yz * ey + zz * dy + pz * lx - px * lz
-            hz = xz * az + yz * ez + zz * dz + px * ly - py * lx
-            out[i * count + i] = zz
+            spin = xx + yy
+            out[i * count + i] = spin
         else:
             lx = m * dx
             ly = m * dy
             lz = m * dz
-            hx = sy * ax - sx * ex + py * lz - pz * ly
-            hy = sy * ay - sx * ey + pz * lx - px * lz
-            hz = sy * az - sx * ez + px * ly - py * lx
+            spin = 0.0
             out[i * count + i] = m
-        weight[i] = -(gx * lx + gy * ly + gz * lz)
-        row = i * count
-        column = i
-        for j in range(i):
-            wx, wy, wz, vx, vy, vz = screws[j]
-            entry = wx * hx + wy * hy + wz * hz + vx * lx + vy * ly + vz * lz
-            out[row + j] = entry
-            out[column] = entry
-            column = column + count
+        weight[i] = gx * lx + gy * ly + gz * lz
         if i == 0:
-            potential = -(
+            return (
                 gx * (m * px + sx * ax + sy * ex + sz * dx)
                 + gy * (m * py + sx * ay + sy * ey + sz * dy)
                 + gz * (m * pz + sx * az + sy * ez + sz * dz)
             )
-            break
+        # Its moment, first about the joint's origin.
+        if turns:
+            hx = spin * dx - xz * ax - yz * ex
+            hy = spin * dy - xz * ay - yz * ey
+            hz = spin * dz - xz * az - yz * ez
+        else:
+            hx = sy * ax - sx * ex
+            hy = sy * ay - sx * ey
+            hz = sy * az - sx * ez
+        px = px - rx
+        py = py - ry
+        pz = pz - rz
+        hx = hx + py * lz - pz * ly
+        hy = hy + pz * lx - px * lz
+        hz = hz + px * ly - py * lx
+        row = i * count
+        column = i
+        for wx, wy, wz, vx, vy, vz in screws[:i]:
+            entry = wx * hx + wy * hy + wz * hz + vx * lx + vy * ly + vz * lz
+            out[row] = entry
+            out[column] = entry
+            row = row + 1
+            column = column + count
         # Back by the joint's turn about z, then about x; then the shift.
+        ca, sa, ox, oy, oz, _, _, _, _, _, _, _, _, _, _, _, _ = c.joints[i]
+        bm, bx, by, bz, bxx, byy, bzz, bxy, bxz, byz = c.carried[i - 1]
+        if not turns:
+            # The mass has slid from where `carried` has it.
+            ty = -sa * q[i]
+            tz = ca * q[i]
+            byy = byy + m * ty * (oy + oy + ty)
+            bzz = bzz + m * tz * (oz + oz + tz)
+            bxy = bxy + m * ty * ox
+            bxz = bxz + m * tz * ox
+            byz = byz + m * (ty * (oz + tz) + oy * tz)
+            by = by + m * ty
+            bz = bz + m * tz
+            oy = oy + ty
+            oz = oz + tz
+        m = bm
+        i = i - 1
         u = cq * sx - sq * sy
         sy = sq * sx + cq * sy
         sx = u
-        u = cq * xz - sq * yz
-        yz = sq * xz + cq * yz
-        xz = u
-        u = sq * (xx - yy) + (cq + cq) * xy
-        xx = xx - sq * u
-        yy = yy + sq * u
-        xy = cq * u - xy
         u = ca * sy - sa * sz
         sz = sa * sy + ca * sz
         sy = u
-        u = ca * xy - sa * xz
-        xz = sa * xy + ca * xz
-        xy = u
-        u = sa * (yy - zz) + (ca + ca) * yz
-        yy = yy - sa * u
-        zz = zz + sa * u
-        yz = ca * u - yz
-        if not turns:
-            at = q[i]
-            oy = oy - at * sa
-            oz = oz + at * ca
-        tx = sx + m * ox
-        ty = sy + m * oy
-        tz = sz + m * oz
-        xy = xy - ox * ty - sx * oy
-        xz = xz - ox * tz - sx * oz
-        yz = yz - oy * tz - sy * oz
-        ex = ox * (sx + tx)
-        ey = oy * (sy + ty)
-        ez = oz * (sz + tz)
-        xx = xx + ey + ez
-        yy = yy + ex + ez
-        zz = zz + ex + ey
-        sx = tx
-        sy = ty
-        sz = tz
-    return potential
+        u = sq * (xx - yy) + (cq + cq) * xy
+        xx = xx - sq * u + (ox + ox) * sx + bxx
+        yy = yy + sq * u
+        w = sq * xz + cq * yz
+        t = sa * (yy - zz) + (ca + ca) * w
+        yy = yy - sa * t + (oy + oy) * sy + byy
+        if i > 0:
+            # What the first joint has no use for.
+            zz = zz + sa * t + (oz + oz) * sz + bzz
+            xy = cq * u - xy
+            xz = cq * xz - sq * yz
+            yz = ca * t - w + oy * sz + oz * sy + byz
+            u = ca * xy - sa * xz + ox * sy + oy * sx + bxy
+            xz = sa * xy + ca * xz + ox * sz + oz * sx + bxz
+            xy = u
+        sx = sx + bx
+        sy = sy + by
+        sz = sz + bz
 
 
 def chain_coriolis(bodies: Any, screws: Any, v: Any, out: Any) -> None:

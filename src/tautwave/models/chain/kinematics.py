@@ -97,29 +97,38 @@ def chain_jacobian(c: ChainParams, q: Any, out: Any) -> tuple[float, ...]:
     return pose
 
 
-def fill_jacobian(frames: Any, pose: Any, out: Any) -> None:
-    """Fill `out` with the Jacobian of a tip at `pose`, see `chain_jacobian` [m and 1]."""
-    px = pose[0]
-    py = pose[1]
-    pz = pose[2]
+def fill_jacobian(frames: Any, pose: Any, out: Any) -> Any:
+    """Fill `out` with the Jacobian of a tip at `pose`, see `chain_jacobian` [m and 1].
+
+    Returns it as screws about the tip, see `chain_screws`.
+    """
+    qx = pose[0]
+    qy = pose[1]
+    qz = pose[2]
+    screws = []
     k = 0
-    for frame in frames:
-        ax, ay, az, jx, jy, jz, turns = frame[8:]
+    for _, _, _, _, _, _, _, _, zx, zy, zz, px, py, pz, turns in frames:
         if turns:
-            jx = px - jx
-            jy = py - jy
-            jz = pz - jz
-            out[k] = ay * jz - az * jy
-            out[k + 1] = az * jx - ax * jz
-            out[k + 2] = ax * jy - ay * jx
-            out[k + 3] = ax
-            out[k + 4] = ay
-            out[k + 5] = az
+            px = qx - px
+            py = qy - py
+            pz = qz - pz
+            vx = zy * pz - zz * py
+            vy = zz * px - zx * pz
+            vz = zx * py - zy * px
+            out[k] = vx
+            out[k + 1] = vy
+            out[k + 2] = vz
+            out[k + 3] = zx
+            out[k + 4] = zy
+            out[k + 5] = zz
+            screws.append((zx, zy, zz, vx, vy, vz))
         else:
-            out[k] = ax
-            out[k + 1] = ay
-            out[k + 2] = az
+            out[k] = zx
+            out[k + 1] = zy
+            out[k + 2] = zz
             out[k + 3] = 0.0
             out[k + 4] = 0.0
             out[k + 5] = 0.0
+            screws.append((0.0, 0.0, 0.0, zx, zy, zz))
         k = k + 6
+    return screws

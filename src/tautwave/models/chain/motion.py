@@ -16,7 +16,13 @@ import math
 from typing import Any, NamedTuple
 
 from tautwave.models.chain.gravity import chain_gravity
-from tautwave.models.chain.inertia import chain_bodies, chain_coriolis, chain_screws, mass_matrix
+from tautwave.models.chain.inertia import (
+    BASE,
+    chain_bodies,
+    chain_coriolis,
+    chain_screws,
+    mass_matrix,
+)
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.plant_params import PlantParams
@@ -56,7 +62,7 @@ def place_chain(c: ChainParams, plants: Any, x: Any) -> Placed:
     frames = chain_frames(c, x)
     matrix = [0.0] * (count * count)
     weight = [0.0] * count
-    potential = mass_matrix(c, x, frames, matrix, weight)
+    potential = mass_matrix(c, x, frames, chain_screws(frames), BASE, matrix, weight)
     for i in range(count):
         matrix[i * count + i] += plants[i].mass
     return Placed(matrix, potential)

@@ -27,9 +27,9 @@ class JointParams(NamedTuple):
     offset: float
     turns: bool
     mass: float
-    cx: float
-    cy: float
-    cz: float
+    mx: float
+    my: float
+    mz: float
     ixx: float
     iyy: float
     izz: float
@@ -54,6 +54,10 @@ class ChainParams(NamedTuple):
     """A serial chain: x axis of the frame before the first joint, gravity [m/s^2], joints, tip.
 
     That frame lies in the base: `cb, sb` are cosine and sine of its turn about the base's z.
+
+    `carried` are the augmented bodies: each joint's own with the mass of all bodies beyond at the
+    origin of the next joint, a sliding one at 0. Ten floats in the joint's frame: that mass with
+    its own [kg], first moments x, y, z [kg m], second moments xx, yy, zz, xy, xz, yz [kg m^2].
     """
 
     cb: float
@@ -62,4 +66,5 @@ class ChainParams(NamedTuple):
     gy: float
     gz: float
     joints: tuple[JointParams, ...]
+    carried: tuple[tuple[float, ...], ...]
     tip: TipParams

@@ -17,7 +17,13 @@ from tautwave.errors import ConfigError, RecordingError, SafetyStop
 from tautwave.files import write_text
 from tautwave.models.chain.build import Body, Link, build_chain
 from tautwave.models.chain.gravity import chain_gravity
-from tautwave.models.chain.inertia import chain_bodies, chain_coriolis, chain_screws, mass_matrix
+from tautwave.models.chain.inertia import (
+    BASE,
+    chain_bodies,
+    chain_coriolis,
+    chain_screws,
+    mass_matrix,
+)
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.params import ChainParams
 from tautwave.rig.arms import arm_axes, load_params
@@ -331,7 +337,7 @@ def _needed(chain: ChainParams, q: Any, v: Any, a: Any) -> list[float]:
     bodies, screws = chain_bodies(chain, frames), chain_screws(frames)
     weight, swung, matrix = [0.0] * count, [0.0] * count, [0.0] * (count * count)
     chain_coriolis(bodies, screws, v.tolist(), swung)
-    mass_matrix(chain, q.tolist(), frames, matrix, weight)
+    mass_matrix(chain, q.tolist(), frames, screws, BASE, matrix, weight)
     pushed = np.array(matrix).reshape(count, count) @ a
     return [w + s + float(p) for w, s, p in zip(weight, swung, pushed, strict=True)]
 
