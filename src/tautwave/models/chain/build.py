@@ -207,12 +207,12 @@ def build_chain(
     for i, body in enumerate(bodies):
         _, ca, sa, gamma, shift = steps[i]
         seen = placed(body, transposed(times(z_along(axes[i]), about_z(betas[i + 1]))), ORIGIN)
-        moment = (seen.mass * at for at in seen.centre)
+        m, (x, y, z) = seen.mass, seen.centre
         (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = _shifted(seen, seen.centre)
         joints.append(
             JointParams(
                 ca, sa, *shift, gamma + betas[i + 1], kinds[i],
-                seen.mass, *moment, ixx, iyy, izz, ixy, ixz, iyz,
+                m, m * x, m * y, m * z, ixx, iyy, izz, ixy, ixz, iyz,
             )
         )  # fmt: skip
     carried: list[tuple[float, ...]] = []

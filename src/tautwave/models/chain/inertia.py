@@ -131,11 +131,12 @@ def mass_matrix(
             out[i * count + i] = m
         weight[i] = gx * lx + gy * ly + gz * lz
         if i == 0:
-            return (
+            potential: float = (
                 gx * (m * px + sx * ax + sy * ex + sz * dx)
                 + gy * (m * py + sx * ay + sy * ey + sz * dy)
                 + gz * (m * pz + sx * az + sy * ez + sz * dz)
             )
+            return potential
         # Its moment, first about the joint's origin.
         if turns:
             hx = spin * dx - xz * ax - yz * ex
