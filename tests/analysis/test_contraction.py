@@ -49,6 +49,7 @@ def draw(rng: np.random.Generator) -> tuple[Folded, float, complex]:
     return device, curve, slope
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("sought", [True, False])
 def test_a_form_that_is_negative_somewhere_is_never_proved(sought: bool) -> None:
     """And one that is well above zero mostly is, with the point that is sought."""

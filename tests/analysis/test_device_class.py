@@ -135,6 +135,7 @@ def proved(end: Ends, least_known: DeviceClass) -> bool:
     return contracting(end.port, end.observer, end.delay, least_known)
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(("impedance", "pole", "delay", "damping", "spring"), CASES)
 def test_no_device_of_a_certified_class_returns_more(
     impedance: float, pole: float | None, delay: int, damping: float, spring: float
@@ -153,6 +154,7 @@ def test_no_device_of_a_certified_class_returns_more(
     assert tried > 35
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(("impedance", "pole", "delay", "damping", "spring"), CASES[:5])
 def test_beyond_the_greatest_spring_devices_do_return_more(
     impedance: float, pole: float | None, delay: int, damping: float, spring: float

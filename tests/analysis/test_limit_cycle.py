@@ -23,7 +23,7 @@ AGREEMENT = 0.03
 """Relative agreement of depth, frequency and peak effort; the height, a difference, has twice."""
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("mass", "damping", "wall", "bias"),
     [

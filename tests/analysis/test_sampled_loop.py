@@ -111,6 +111,7 @@ def test_wave_line_is_stable_at_every_delay(b: float, delay: int, share: float) 
         assert least_damped(end, other, samples, T).radius <= 1.0 + 1e-9
 
 
+@pytest.mark.slow
 def test_wave_line_is_stable_at_half_a_second() -> None:
     for b in (1.0, 400.0):
         end, other = (port_end(Device(m), site_of(T, 0.8 * m), b) for m in (0.5, 0.2))

@@ -48,6 +48,7 @@ def test_with_delay(delay: float) -> None:
     assert plane.disagreement < 1e-6
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("key", "low", "high"),
     [("period_s", 2e-5, 2e-2), ("delay_periods", 0.0, 20.0), ("mass", 1e-4, 1e3),

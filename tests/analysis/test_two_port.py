@@ -180,6 +180,7 @@ def test_d12_mass_and_stiffness_of_the_rig() -> None:
     assert ((wave_line(damped, s).h11 - 2.0) / s)[0].real == pytest.approx(1.485, rel=1e-3)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("matched", [False, True])
 @pytest.mark.parametrize(("stiffness", "damping"), [(INF, 0.0), (100.0, 10.0), (500.0, 0.0)])
 def test_waves_are_absolutely_stable_and_passive_at_any_delay(

@@ -112,6 +112,7 @@ def test_memory_is_sampled_and_its_slope_reported() -> None:
     assert found["growth_mb"] == found["last_mb"] - found["first_mb"]
 
 
+@pytest.mark.slow
 def test_a_measurement_in_a_process_of_its_own() -> None:
     found = child.measure("fake_run", RIG, 0.02)
     assert found["simulated_s"] == pytest.approx(0.02)

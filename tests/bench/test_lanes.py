@@ -127,6 +127,7 @@ def test_no_two_sets_are_alike() -> None:
         assert math.isclose(turned, 1.0, abs_tol=1e-14)
 
 
+@pytest.mark.slow
 @gcc
 def test_the_suite_says_what_it_compared() -> None:
     suite = lanes(sets=2 * LANES, steps=300, rounds=1, tell=lambda _: None)

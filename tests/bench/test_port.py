@@ -159,6 +159,7 @@ def test_what_is_no_hand_is_said(tmp_path: Path, text: str, said: str) -> None:
     assert said in str(refused.value)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"no recordings in {DATA}")
 def test_in_one_set_the_hand_was_at_the_lever_that_is_logged_as_slave() -> None:
     for hand in recorded_hands(DATA, 3.0):

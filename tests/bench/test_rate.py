@@ -20,6 +20,7 @@ def test_pairs_are_alike_but_for_their_names() -> None:
     assert pairs_rig(1, 1000, "compiled").loop.engine == "compiled"
 
 
+@pytest.mark.slow
 def test_a_case_is_measured_beside_an_empty_loop() -> None:
     found = measure(0.1, 2, pairs=(1,), rates_hz=(1000,), engines=("python",))
     [case] = found["cases"]

@@ -139,6 +139,7 @@ def test_the_midpoint_matrix_keeps_the_energy_of_a_lossless_pair(
     assert workprecision_linear.energy(state) == pytest.approx(want, rel=1e-11)
 
 
+@pytest.mark.slow
 def test_scipy_throws_as_we_do() -> None:
     pytest.importorskip("scipy")
     for scene in (contact.WALL, contact.HERTZ):

@@ -87,7 +87,7 @@ def test_check_of_two_axes_is_light() -> None:
     assert min(seconds for seconds, _ in found) < 25.0 * start
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(8)
 @pytest.mark.parametrize(
     ("name", "state"),
     [

@@ -63,6 +63,7 @@ def test_more_passive_pairs_are_stable_with_what_is_stated() -> None:
     assert agree(10, 60) > 15
 
 
+@pytest.mark.slow
 def test_what_stands_in_the_way_of_a_stiffer_contact_is_named() -> None:
     port = element(
         certify(rig("coupling.pairs.lever.pole_slave=0.3", name=NAME)), "slave.lever port"

@@ -164,6 +164,7 @@ def test_no_wall_is_springier_than_the_spring_that_counts_for_it(late: int, lag:
         assert np.all(springy <= spring * (1.0 + 1e-12))
 
 
+@pytest.mark.slow
 def test_a_wall_counts_among_the_contacts_of_its_port() -> None:
     held = {}
     for pole in (0.5, "plain"):

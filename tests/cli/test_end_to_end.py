@@ -80,6 +80,7 @@ def test_a_wrong_rig_is_a_sentence_with_its_line(rig: Path, tmp_path: Path, comm
     assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").iterdir())
 
 
+@pytest.mark.slow
 def test_ctrl_c_ramps_down_reports_and_exits_0(rig: Path, tmp_path: Path) -> None:
     words = ("run", str(rig), "--duration", "60", "--out", "out", *commands.PATIENT)
     with subprocess.Popen(

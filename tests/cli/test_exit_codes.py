@@ -204,6 +204,7 @@ def test_report_on_a_full_disk_is_one_sentence_and_keeps_the_old_page(tmp_path: 
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_output_to_a_full_disk_is_one_sentence_too(tmp_path: Path) -> None:
     command = [sys.executable, "-c", RUN, "drivers"]
     with open("/dev/full", "w") as full:
@@ -266,6 +267,7 @@ def test_a_reader_that_has_gone_changes_no_exit_code_of_a_check(words: tuple[str
 # -- a recording that lost rows ------------------------------------------------------------------
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(("more", "code"), [((), 7), (("--set", STOPPED), 6)])
 def test_a_recorder_that_is_killed_shows_in_code_and_last_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: tuple[str, ...], code: int

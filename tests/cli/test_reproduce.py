@@ -38,6 +38,7 @@ def test_without_a_name_chapters_are_listed(tautwave_cli: Cli) -> None:
     assert [entry["name"] for entry in listed] == list(CHAPTERS)
 
 
+@pytest.mark.slow
 def test_a_name_writes_table_and_figures(tautwave_cli: Cli, tmp_path: Path) -> None:
     done = tautwave_cli("reproduce", "positive-real", "--out", "papers")
     assert done.exit_code == 0, done.output

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import grimp
+import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("tautwave", "tautwave_drivers", "tautwave_sim")
@@ -106,6 +107,7 @@ def defined_and_named(sources: Iterable[str]) -> tuple[set[str], set[str]]:
     return {name for name in defined if name[0] != "_"}, named
 
 
+@pytest.mark.slow
 def test_every_function_is_named_by_a_source() -> None:
     """Suites for authors are named by whoever has parts."""
     sources = [

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CONFTEST = Path(__file__).parent.parent / "conftest.py"
 SKIPS = {
     "by_mark": "@pytest.mark.skip(reason='no reason')\ndef test_it(): pass",
@@ -59,6 +61,7 @@ def test_a_skip_is_a_failure_where_vcan_is_required(tmp_path: Path) -> None:
     assert "skipped" not in ends
 
 
+@pytest.mark.slow
 def test_a_missing_library_is_a_failure_where_all_are_required(tmp_path: Path) -> None:
     missing = {
         "library_in_its_body": "def test_it(): pytest.importorskip('no_such_module')",

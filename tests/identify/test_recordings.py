@@ -52,7 +52,7 @@ def contact_csv(path: Path, kind: str = "contact", names: tuple[str, str, str] =
 # -- the bench's recordings; the bands are of repeated contacts of one bench ----------------------
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(6)
 @needs_data
 @pytest.mark.parametrize(
     ("name", "model", "low", "high"),
@@ -106,6 +106,7 @@ def test_a_rigid_contact_on_the_command_line(cli: Cli, tmp_path: Path) -> None:
 # -- any recording --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_csv_file_from_the_command_line(cli: Cli, tmp_path: Path) -> None:
     source = contact_csv(tmp_path / "press.csv")
     done = cli("identify", source, "--json")

@@ -31,6 +31,7 @@ def test_the_truth_of_a_device_under_a_scene_is_found(tmp_path: Path) -> None:
     assert not any(name.startswith(("scene.", "slave.")) for name in recording.columns)
 
 
+@pytest.mark.slow
 def test_the_command_takes_a_scene(tmp_path: Path) -> None:
     words = ["identify", str(CONFIGS / "scene-resonator.yaml"), "--clock", "fake"]
     words += ["--duration", "3", "--set", SLOW[0], "--out", str(tmp_path / "out")]

@@ -51,6 +51,7 @@ def precise(
         return float(x), float(v), float(area), float(square)
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize("state", [(1.0, 0.0, 0.0, 0.0), (0.3, -40.0, 0.01, 0.7), (0, 0, 0, 1.0)])
 def test_the_flow_is_exact_to_rounding(

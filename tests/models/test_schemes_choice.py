@@ -260,6 +260,7 @@ def test_without_the_key_nothing_changes() -> None:
     assert wall.foam is None
 
 
+@pytest.mark.slow
 def test_a_rig_names_its_scheme() -> None:
     rig = rig_with("integrator.scheme=rk4", "integrator.max_error=1e-6")
     made = axis_integration(rig, "slave.lever")

@@ -67,6 +67,7 @@ def test_mistakes_name_their_line(old: str, new: str, said: str, rig_file: Path)
         parse_rig(text.replace(old, new), rig_file)
 
 
+@pytest.mark.slow
 def test_a_hand_part_moves_compiled_as_in_python(rig_file: Path) -> None:
     pytest.importorskip("numba")
     text = rig_file.read_text()

@@ -38,6 +38,7 @@ def operated(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     return run(tmp_path_factory.mktemp("day"), DAY)
 
 
+@pytest.mark.slow
 def test_the_terminal_says_what_people_did(operated: tuple[str, Path]) -> None:
     said = " ".join(operated[0].split())
     assert "Operation engaged 1 time, 798 ms in all" in said
@@ -46,6 +47,7 @@ def test_the_terminal_says_what_people_did(operated: tuple[str, Path]) -> None:
     assert "refused 1; the last after 1 s: engage: not while engaged" in said
 
 
+@pytest.mark.slow
 def test_the_report_has_episodes_and_journal(operated: tuple[str, Path]) -> None:
     page = (operated[1] / "report.html").read_text()
     _, _, part = page.partition('<h2 id="operation">')
@@ -53,6 +55,7 @@ def test_the_report_has_episodes_and_journal(operated: tuple[str, Path]) -> None
     assert "<td>engage</td><td>script</td><td>refused</td>" in part
 
 
+@pytest.mark.slow
 def test_errors_count_only_while_the_pairs_are_coupled(operated: tuple[str, Path]) -> None:
     out = operated[1]
     rows = read_recording(out, ["operation.state", "lever.position_error"])

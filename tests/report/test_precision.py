@@ -138,6 +138,7 @@ def test_hardware_has_a_table_too(simulated: tuple[Rig, Path]) -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_cannot_be_replayed_is_said(tmp_path: Path) -> None:
     make_run(tmp_path / "run")  # of another framework's rig
     run = load_run(tmp_path / "run")

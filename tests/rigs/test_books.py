@@ -127,7 +127,7 @@ def test_a_whole_number_of_periods_has_no_remainder(rate: float, periods: int) -
     assert books(run).uncertainty == 0.0
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(6)
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("scale", "force"), [(3.0, None), (0.25, None), (1.0, 4.0), (2.0, 0.1)])
 def test_scaling_closes_too(scale: float, force: float | None, sign: int) -> None:
@@ -174,7 +174,7 @@ def test_admittance_axes_close_as_intervals() -> None:
 # -- what elements generate --------------------------------------------------------------------
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(6)
 @pytest.mark.parametrize("samples", [0, 7, 50])
 @pytest.mark.parametrize("b", [1.0, 30.0, 1000.0])
 def test_a_port_generates_no_more_than_its_bound(samples: int, b: float) -> None:

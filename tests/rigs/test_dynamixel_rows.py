@@ -110,7 +110,7 @@ RIGS: dict[str, Tree] = {
 }
 
 
-@pytest.mark.sparse(4)
+@pytest.mark.sparse(8)
 @pytest.mark.parametrize("name", RIGS)
 def test_the_rows_are_those_of_loopback(name: str) -> None:
     data = RIGS[name]

@@ -32,7 +32,7 @@ def known(value: float) -> Tree:
 # -- closed forms --------------------------------------------------------------------------------
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 7), (1, 50, 0)]
 )
@@ -60,7 +60,7 @@ def test_constant_velocity_passes_exactly(master: int, slave: int, samples: int)
             assert lost[-1] - lost[-1000] <= 1e-15 * books(run).gross_flow
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 5), (4, 6, 0), (1, 50, 5)]
 )
@@ -236,6 +236,7 @@ def test_the_shipped_rig_is_certified_and_rests_in_contact() -> None:
         assert np.ptp(pushed) <= 0.2 * np.abs(pushed).mean()
 
 
+@pytest.mark.slow
 def test_check_and_report_say_what_the_slow_bus_costs(tmp_path: Path) -> None:
     rig = load_rig(CONFIGS / "bench-multirate-loopback.yaml")
     found = check(rig)

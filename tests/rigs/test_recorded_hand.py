@@ -71,7 +71,7 @@ def missed(name: str, *more: str) -> str:
     return "; ".join(found)
 
 
-@pytest.mark.sparse(4)
+@pytest.mark.sparse(8)
 @pytest.mark.parametrize("name", CASES)
 def test_the_slave_follows_a_recorded_hand(name: str) -> None:
     assert not missed(name)

@@ -57,7 +57,7 @@ def at_rest(run: Run) -> tuple[float, float, float]:
     return master, slave, float(error[-1])
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("changes", "exact"),
     [

@@ -132,6 +132,7 @@ def test_a_run_takes_the_choice_from_its_certificate() -> None:
         standing_offset(left, "lever", command_delays(left))
 
 
+@pytest.mark.slow
 def test_a_run_leaves_the_numbers_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keep_in_one_process(monkeypatch)
     path = tmp_path / "first.yaml"

@@ -40,7 +40,7 @@ def late(run, column: str, share: float = 0.5) -> np.ndarray:
     return values[int(share * len(values)) : -500]  # before the release
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("changes", "filtered"),
     [
@@ -87,6 +87,7 @@ def test_what_either_end_gave_is_below_its_claim() -> None:
 COMMAND_DELAYS = st.sampled_from([0.0, 0.0005, 0.001, 0.0013])
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     COMMAND_DELAYS,
@@ -153,6 +154,7 @@ LIGHT = (
 """The damped light slave that exploded under law wave: bT/2m = 10, dT/m = 2."""
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("changes", "at_s", "given_mj", "to_the_device_mj"),
     [((), 0.648, 9.6, 7.6), ((f"{PAIR}.pole_slave=plain",), 0.629, 9.1, 8.2)],

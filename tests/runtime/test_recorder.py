@@ -138,6 +138,7 @@ def test_lossless_waits_and_loses_nothing(tmp_path: Path, rows: int) -> None:
     assert recording.missing_rows == 0
 
 
+@pytest.mark.slow
 def test_a_stopped_writer_costs_rows_but_no_time(tmp_path: Path) -> None:
     recorder = make(tmp_path / "r.mcap", lossless=False)
     recorder.start()
@@ -182,6 +183,7 @@ def test_a_killed_loop_loses_nothing(tmp_path: Path) -> None:
         check_rows(recording, range(len(recording)))
 
 
+@pytest.mark.slow
 def test_a_killed_writer_loses_at_most_its_open_chunk(tmp_path: Path) -> None:
     dice = random.Random(2)
     columns = (*COLUMNS, *(f"c{k}" for k in range(97)))
@@ -300,6 +302,7 @@ def test_the_writer_does_not_inherit_the_loop_s_core_and_priority(tmp_path: Path
         recorder.close()
 
 
+@pytest.mark.slow
 def test_a_slow_loop_is_on_disk_after_a_second(tmp_path: Path) -> None:
     path = tmp_path / "r.mcap"
     recorder = make(path)

@@ -85,6 +85,7 @@ def test_a_tank_that_is_nearly_empty_lets_go_for_another_scale() -> None:
     assert said.count(("scale", "engaged")) > 4
 
 
+@pytest.mark.slow
 def test_check_certifies_every_scale_and_states_the_greatest_claims() -> None:
     found = check(bench("operate={scales: [0.5]}"))
     assert found.exit_code == 3  # as it is for `run`

@@ -189,6 +189,7 @@ STIFFENED = {
 }
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("name", STIFFENED)
 def test_a_shipped_scene_stiffened_beyond_its_bound_is_refused(name):
     path = CONFIGS / f"scene-{name}.yaml"
@@ -206,6 +207,7 @@ def test_a_string_gives_way_so_that_a_plucked_one_is_stable_but_not_passive():
         assert contacts(found).passive.passed == (stiffness == "800")
 
 
+@pytest.mark.slow
 def test_the_wall_is_refused_by_check_and_forced_it_stays_within_its_claim(tmp_path):
     for require in ("passive", "coupled_stable"):
         done = tautwave("check", str(WALL), "--set", f"require={require}", cwd=tmp_path)

@@ -107,6 +107,7 @@ def test_without_a_scene_slave_and_coupling_are_required():
     assert "coupling: required key is missing" in reported
 
 
+@pytest.mark.slow
 def test_the_schema_takes_either_a_scene_or_a_slave():
     schema = rig_schema()
     right = yaml.safe_load(RESONATOR)

@@ -80,6 +80,7 @@ def test_a_tight_scene_says_so_and_one_that_is_too_slow_is_refused(costs):
         chosen()
 
 
+@pytest.mark.slow
 def test_a_run_that_is_refused_leaves_nothing_and_exits_4(costs, tmp_path):
     share, _ = costs
     share.update(python=2.0, numba=False)

@@ -49,7 +49,7 @@ def run_rig(name: str, duration: float, *overrides: str):
     return result, data, built
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("name", "duration"), [("resonator", 0.6), ("granular", 0.12), ("string", 0.3), ("drum", 0.25)]
 )
@@ -213,6 +213,7 @@ def test_what_a_run_leaves_behind(tmp_path):
     assert "scene.at.object" in rows.columns
 
 
+@pytest.mark.slow
 def test_a_negative_damper_is_refused_with_exit_3(tmp_path):
     out = tmp_path / "run"
     feeding = "scene.links.minus={type: negative_damper, between: [object, ground], damping: 0.02}"

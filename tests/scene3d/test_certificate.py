@@ -187,6 +187,7 @@ def test_the_net_is_conditional_and_says_on_what():
     assert "no spring or damper acts on it" in reported.elements[1].passive.reason
 
 
+@pytest.mark.slow
 def test_linear_springs_at_axes_are_certified_together():
     held = [
         "scene.masses.core={mass: 0.01, damping: 0.1}",

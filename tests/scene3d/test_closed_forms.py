@@ -80,6 +80,7 @@ def test_two_bodies_turn_round_each_other_at_the_same_distance_at_any_step():
     assert abs(model.ledger().energy / model.start.energy - 1.0) < 3e-13
 
 
+@pytest.mark.slow
 def test_a_pendulum_on_a_stiff_spring_has_its_period():
     """1e7 N/m holds the bob: w T = 10 along the spring, 6e-3 across. Period by Gauss' mean."""
     length, g, period, swing = 0.25, 9.81, 1e-3, 0.6

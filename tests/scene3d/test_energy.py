@@ -113,6 +113,7 @@ def test_ends_on_top_of_each_other_and_straight_through():
     assert model.ledger().energy == pytest.approx(model.start.energy, rel=1e-14)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("newton", [0, 2])
 def test_what_is_not_solved_turns_round_and_keeps_its_energy(monkeypatch, newton):
     """Without Newton nothing is solved, with two steps of it only pieces."""
@@ -128,6 +129,7 @@ def test_what_is_not_solved_turns_round_and_keeps_its_energy(monkeypatch, newton
     assert stood == (newton == 0)
 
 
+@pytest.mark.slow
 def test_a_step_that_does_not_arrive_is_cut_in_pieces(monkeypatch):
     counted: list[bool] = []
     whole = solving.solve_step3d

@@ -143,6 +143,7 @@ def test_what_a_run_leaves_behind(tmp_path):
     assert project(high)[0] == 0.0
 
 
+@pytest.mark.slow
 def test_check_says_what_it_is_and_what_is_left_out():
     far = ["scene.masses.far={mass: 1, count: 3, spacing: [1, 0, 0]}"]
     far += ["scene.links.far={type: spring, between: [far, far], chain: true, stiffness: 1}"]

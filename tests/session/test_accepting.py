@@ -79,6 +79,7 @@ def test_a_wrong_scale_ends_the_day_before_anything_gets_torque(tmp_path: Path) 
     assert verify(tmp_path / "out" / FILE).wrong == []
 
 
+@pytest.mark.slow
 def test_noise_delay_and_effort_are_measured_under_torque(tmp_path: Path) -> None:
     scale = {"type": "spring", "stiffness": 8.0, "position": 0.0}
     rig = bench(tmp_path, environment=scale)

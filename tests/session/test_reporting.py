@@ -30,7 +30,7 @@ def answering(code: int, reported: str) -> Callable[..., Any]:
     return run
 
 
-@pytest.mark.sparse(4)
+@pytest.mark.sparse(8)
 @pytest.mark.parametrize(
     ("instead", "words"),
     [

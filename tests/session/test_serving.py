@@ -96,6 +96,7 @@ def test_devices_of_a_run_that_is_killed_before_they_are_up_end_too() -> None:
                 os.kill(pid, signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_devices_end_with_a_run_that_is_killed(tmp_path: Path) -> None:
     words = ["run", str(CONFIGS / "bench-dynamixel-sim.yaml"), "--out", str(tmp_path / "out")]
     run = subprocess.Popen(
@@ -125,6 +126,7 @@ def test_what_cannot_be_served_is_reported(rig: Rig) -> None:
         bus_bench(hardware, next(iter(hardware.buses)))
 
 
+@pytest.mark.slow
 def test_sim_of_a_rig_prints_one_line_and_ends_on_a_signal() -> None:
     command = [sys.executable, "-c", "from tautwave.cli import main; main()", "sim"]
     process = subprocess.Popen(

@@ -59,6 +59,7 @@ def test_credit_goes_over_and_what_a_law_gives_at_the_slave_is_paid_by_the_maste
         assert two.slave["lever.credits.stored"][-1] < 0.0
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("kept", [0.05, 1.0])
 def test_a_slave_that_keeps_little_gives_its_spring_back_to_the_master(kept: float) -> None:
     account = f"coupling.account={{kept: {kept}, tank: 4.0e-4, reserve: 1.0e-5}}"

@@ -162,6 +162,7 @@ def test_only_what_is_simulated_records_a_truth() -> None:
         simulator.close()
 
 
+@pytest.mark.slow
 def test_check_tells_the_ways_and_what_simulate_makes_of_them(tmp_path: Path) -> None:
     rig = rig_of(SERVOS, HARD)
     found = check(rig)

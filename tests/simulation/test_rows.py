@@ -34,7 +34,7 @@ SHIPPED = [
 ]
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(6)
 @pytest.mark.parametrize("path", SHIPPED, ids=[path.stem for path in CONFIGS])
 def test_shipped_rigs(path: Path) -> None:
     live = assert_equal(load_rig(path), "compiled", duration_s=2.5)

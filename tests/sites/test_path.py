@@ -149,6 +149,7 @@ def test_both_ends_over_loopback(served: tuple[str, list[str]], keys: Path, tmp_
     assert said[1].startswith("master tested: 100 datagrams, 0.000% lost")
 
 
+@pytest.mark.slow
 def test_no_datagrams_are_a_sentence(
     served: tuple[str, list[str]], keys: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,6 +162,7 @@ def test_no_datagrams_are_a_sentence(
     run_test(served[0], keys, "master", "slave", Asked(100.0, 1.0))
 
 
+@pytest.mark.slow
 def test_who_dials_and_is_gone_at_once_ends_nothing(
     served: tuple[str, list[str]], keys: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -127,6 +127,7 @@ def test_what_ended_beside_a_failure_is_kept(monkeypatch: pytest.MonkeyPatch) ->
         next(results)
 
 
+@pytest.mark.slow
 def test_a_cluster_that_lost_its_workers_is_not_waited_for_without_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -119,7 +119,7 @@ def assert_alike(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> int:
     return instances
 
 
-@pytest.mark.sparse(8)
+@pytest.mark.sparse(16)
 @pytest.mark.parametrize(
     "path",
     [path for path in (*SHIPPED, *BUSES) if not has_plain_devices(load_rig(path))],

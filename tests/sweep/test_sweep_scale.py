@@ -146,6 +146,7 @@ def test_row_by_row_is_as_good_as_any_order(tmp_path: Path) -> None:
     assert other.table.read_bytes() == plain.table.read_bytes()
 
 
+@pytest.mark.slow
 def test_pieces_are_drawn_as_they_are_needed() -> None:
     drawn = 0
 

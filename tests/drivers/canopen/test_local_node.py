@@ -140,6 +140,7 @@ def drives() -> Iterator[list[Drive]]:
         yield found
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("mapping", ["lean", "full"])
 def test_it_brings_up_local_nodes_and_commands_them(drives: list[Drive], mapping: str) -> None:
     identity = {"vendor": 0xABCD, "product": 0x402}
@@ -191,6 +192,7 @@ def _run(
     return rows
 
 
+@pytest.mark.sparse(2)
 def test_scan_lists_local_nodes(drives: list[Drive]) -> None:
     drives[1].node.sdo[0x603F].raw = 0x2310
     clock = MonotonicClock()

@@ -180,6 +180,7 @@ def test_pulled_out_in_a_run_and_put_back() -> None:
         again.close()
 
 
+@pytest.mark.slow
 def test_a_scan_finds_them_at_their_baud_rate() -> None:
     with served("--ids", "1,42", "--model", "XL330-M288", "--baud", "57600") as path:
         # a busy machine may take longer to answer than a scan waits

@@ -118,6 +118,7 @@ def moved(node: Any, counts: int) -> None:
     wait_until(lambda: abs(node.sdo["Position actual value"].raw - start) > counts)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("pdos", ["as found", "by SDO only"])
 def test_it_enables_the_drive_and_moves_it_in_profile_velocity(pdos: str) -> None:
     with drives(f"pv {pdos}", 5), master(f"pv {pdos}", 5) as node:

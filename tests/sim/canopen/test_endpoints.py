@@ -189,6 +189,7 @@ def process(*words: str) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]
             assert child.wait(60.0) == 0
 
 
+@pytest.mark.slow
 def test_drives_in_another_process() -> None:
     pytest.importorskip("msgpack")
     try:

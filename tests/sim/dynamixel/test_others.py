@@ -181,6 +181,7 @@ def test_an_exclusive_client_locks_nobody_out_for_ever(device: str) -> None:
         os.close(fd)
 
 
+@pytest.mark.slow
 def test_the_wire_is_not_faster_than_its_baud_rate() -> None:
     """57 600 baud, 10 + 14 bytes and 0.5 ms: no ping takes less than 4.6 ms."""
     with (

@@ -112,6 +112,7 @@ def test_what_a_writer_leaves_behind_is_no_message(node: Node) -> None:
     assert [one.data for one in taken(reader)] == [True]
 
 
+@pytest.mark.slow
 def test_a_repeated_bool_reaches_the_run(tmp_path: Path, node: Node) -> None:
     person = node.publisher(dead_man.TOPIC, Bool)
     with exported(tmp_path, node, allow_commands=True) as run:
