@@ -40,6 +40,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 TREES = ("src", "drivers", "sim")
 MAP = ROOT / ".mutants" / "coverage"
+MARKED = "not (hardware or vcan or long or realtime and slow)"
+"""The tests that mutants meet: slow ones too, where they are no matter of minutes."""
+
 EQUIVALENT = ROOT / "tests" / "mutants-equivalent.txt"
 BUDGET_S = 60.0
 """Tests beyond this much time of their own are left out, the slowest first."""
@@ -170,7 +173,8 @@ def make_map(tests: list[str]) -> int:
     """Run the tests (default: all) once; keep which executes which line, and their times."""
     MAP.parent.mkdir(exist_ok=True)
     environment = os.environ | {"COVERAGE_FILE": str(MAP)}
-    command = [sys.executable, "-m", "pytest", "-q", "--cov-context=test", "--cov-report="]
+    command = [sys.executable, "-m", "pytest", "-q", "-m", MARKED]
+    command += ["--cov-context=test", "--cov-report="]
     command += [f"--cov={tree}" for tree in TREES]
     command += [f"--junit-xml={MAP.with_name('times.xml')}", "-o", "junit_duration_report=call"]
     return subprocess.run([*command, *tests], cwd=ROOT, env=environment, check=False).returncode
@@ -311,7 +315,16 @@ class Judge:
                 for stream in range(3):
                     os.dup2(nowhere, stream)
                 resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s), int(limit_s) + 5))
-                options = ["-x", "-q", "-n0", "-p", "no:cacheprovider", "--timeout=600"]
+                options = [
+                    "-x",
+                    "-q",
+                    "-m",
+                    MARKED,
+                    "-n0",
+                    "-p",
+                    "no:cacheprovider",
+                    "--timeout=600",
+                ]
                 code = pytest.main([*options, *tests])
             finally:
                 os._exit(code)

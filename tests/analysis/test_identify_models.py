@@ -122,7 +122,7 @@ TRUTHS = {
 }
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     inside = total = 0

@@ -285,6 +285,7 @@ def test_D15_discrete_gradient_keeps_its_energy() -> None:
         assert max(counts) <= 12
 
 
+@pytest.mark.slow
 def test_D15_explicit_mass_interaction_is_stable_within_its_bound() -> None:
     """Cadoz, Luciani & Florens 1993: K' > 0, Z' > 0, K' + 2 Z' < 4, against the scheme's roots."""
     rng = np.random.default_rng(15)

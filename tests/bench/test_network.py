@@ -56,6 +56,7 @@ def test_random_pairs_make_no_energy(seeds: range) -> None:
         assert outcome.made < reserves(seed), seed
 
 
+@pytest.mark.slow
 def test_with_receivers_in_common_use_they_do() -> None:
     pytest.importorskip("numba")
     makers = {

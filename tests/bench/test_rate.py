@@ -30,6 +30,7 @@ def test_a_case_is_measured_beside_an_empty_loop() -> None:
     assert found["seconds"] == 0.2
 
 
+@pytest.mark.slow
 def test_a_run_that_a_guard_ends_counts_until_then_and_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

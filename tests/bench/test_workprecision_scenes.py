@@ -47,6 +47,7 @@ def test_schemes_converge_to_one_truth(
         assert low < math.log2(coarse / fine) < high
 
 
+@pytest.mark.slow
 def test_steps_longer_than_the_rigs_are_compared_where_they_end(
     resonator: tuple[Stage, Played],
 ) -> None:

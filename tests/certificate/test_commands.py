@@ -209,6 +209,7 @@ def test_overruns_in_a_wall_that_let_energy_out_break_the_certificate(tmp_path: 
     assert "invalidates its certificate" in page_of(tmp_path / "out")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 def test_a_wall_that_pays_back_what_a_stall_let_out_keeps_its_claim(tmp_path: Path) -> None:
     done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, *overruns(8), cwd=tmp_path)

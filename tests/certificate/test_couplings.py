@@ -24,7 +24,7 @@ BARE = (*NO_WALLS, *NO_QUANTUM, f"{PAIR}.wave_filter_hz=")
 # -- wave ports -----------------------------------------------------------------------------------
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [0, 1, 3])
 def test_a_wave_port_is_passive_for_whole_command_delays(periods: int) -> None:
     late = f"buses.arm.options={{command_delay_s: {periods * 1e-3}}}"
@@ -61,6 +61,7 @@ def test_an_assumed_mass_makes_it_conditional() -> None:
     assert "inertia of slave.lever" in verdict.conditions[0]
 
 
+@pytest.mark.slow
 def test_noise_in_a_line_that_loses_nothing_is_refused_with_the_filter_to_add() -> None:
     port = element(certified(*NO_WALLS, f"{PAIR}.wave_filter_hz="), "slave.lever port")
     assert "add coupling.pairs.lever.wave_filter_hz: 100" in port.passive.reason
@@ -69,6 +70,7 @@ def test_noise_in_a_line_that_loses_nothing_is_refused_with_the_filter_to_add() 
     assert "wave_filter_hz" not in port.passive.reason
 
 
+@pytest.mark.slow
 def test_matched_ends_filters_scaling_and_the_line_are_passive() -> None:
     changes = ("matched_slave=true", "matched_master=true", "force_scale=3.0")
     certificate = certified(*(f"{PAIR}.{change}" for change in changes))

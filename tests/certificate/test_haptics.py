@@ -84,6 +84,7 @@ def test_a_margin_within_the_hold_is_not_a_failure_without_ends() -> None:
     assert not short.stable
 
 
+@pytest.mark.slow
 def test_what_cannot_be_said_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     found = haptics(rig("bench-multirate-loopback"))
     assert not found.felt

@@ -103,6 +103,7 @@ def test_hundreds_of_walls_beside_certified_ports() -> None:
     assert hold(100, 50) > 100
 
 
+@pytest.mark.slow
 def test_a_heavy_device_at_rest_on_its_wall_stays_at_rest() -> None:
     """It swung ever wider, by 0.3 % a period, when its observer was given the wall's effort."""
     axis = {

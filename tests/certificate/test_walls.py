@@ -70,6 +70,7 @@ def test_it_says_what_spoils_it_and_what_helps() -> None:
     assert "Lower K to 1.33, or raise the rate to 3.76 kHz, or add 0.0055 N m s/rad" in sentence
 
 
+@pytest.mark.slow
 def test_a_linear_axis_has_linear_units_and_the_pair_in_its_name() -> None:
     change = "coupling.pairs.slide.wall_master.stiffness=2000"
     sentence, *_ = certified(change, name="bench-2axis-loopback").sentences()

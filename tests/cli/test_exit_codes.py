@@ -146,6 +146,7 @@ def largest_file(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_exit_code_7_in_the_last_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,6 +170,7 @@ def test_a_full_disk_is_exit_code_7_in_the_last_line(
     assert f"{recording['rows_written']} rows are in" in last
 
 
+@pytest.mark.slow
 def test_no_room_for_the_summary_is_exit_code_7_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

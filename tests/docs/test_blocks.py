@@ -29,7 +29,8 @@ def _run(path: Path, chosen: list[Block], folder: Path, monkeypatch: pytest.Monk
 
 
 LONG = ("delay-and-waves.md", "dynamixel-arms.md", "modbus-profile.md", "cia402-from-eds.md",
-        "operate.md", "export.md", "calibrate.md")  # fmt: skip
+        "operate.md", "export.md", "calibrate.md", "with-the-device.md", "first-day.md",
+        "dynamixel.md", "modbus.md", "virtual-wall.md", "read-a-recording.md")  # fmt: skip
 """Their quick blocks take seconds too."""
 
 

@@ -119,6 +119,7 @@ def plant(tree: Path, module: str, line: str) -> None:
     planted.write_text(f"{before}\n{line}\n")
 
 
+@pytest.mark.slow
 def test_violations_planted_together_break_every_contract(tree: Path) -> None:
     for _, module, line in PLANTED:
         plant(tree, module, line)

@@ -48,6 +48,7 @@ def run_pytest(
     return done.returncode, done.stdout
 
 
+@pytest.mark.slow
 def test_a_skip_is_a_failure_where_vcan_is_required(tmp_path: Path) -> None:
     status, text = run_pytest(tmp_path, {**SKIPS, **GOOD}, vcan="required")
     assert status == 1, text

@@ -62,6 +62,7 @@ def test_the_truth_of_a_simulated_rig_is_found(name: str, axis: str, tmp_path: P
     assert sum(inside) >= 5, f"{sum(inside)} of 6"
 
 
+@pytest.mark.slow
 def test_it_stays_within_what_it_promised(tmp_path: Path) -> None:
     rig = load_rig(BENCH, ["simulation.axes.master.lever.inertia=5.0e-4"])  # 3 x too light
     axis = rig.axes["master.lever"]
@@ -91,6 +92,7 @@ def test_a_heavy_device_is_shaken_harder_and_a_light_one_less() -> None:
     assert light.gain < 0.5
 
 
+@pytest.mark.slow
 def test_a_blocked_device_is_a_recording_that_tells_nothing(tmp_path: Path) -> None:
     rig = load_rig(BENCH, ["simulation.axes.master.lever.coulomb=1.0"])
     with pytest.raises(

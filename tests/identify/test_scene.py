@@ -16,6 +16,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 SLOW = ["rate_hz=1000"]  # as fast as a device moves; audio rates take minutes here
 
 
+@pytest.mark.slow
 def test_the_truth_of_a_device_under_a_scene_is_found(tmp_path: Path) -> None:
     rig = load_rig(CONFIGS / "scene-drum.yaml", SLOW)
     result = identify_device(rig, out=tmp_path, clock="fake", duration_s=6.0)

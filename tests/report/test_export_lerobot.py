@@ -219,6 +219,7 @@ def filmed(
     return run
 
 
+@pytest.mark.slow
 def test_cameras_become_videos_frame_by_frame(tmp_path: Path) -> None:
     pytest.importorskip("av")
     import av

@@ -139,6 +139,7 @@ def test_what_a_driver_found_and_set_is_reported(tmp_path, columns):
     assert "Bus none" not in page.text
 
 
+@pytest.mark.slow
 def test_text_of_users_is_escaped(tmp_path):
     evil = "<script>alert('x')</script>"
     make_run(

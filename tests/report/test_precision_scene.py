@@ -209,6 +209,7 @@ def test_slots_that_were_skipped_are_made_up(tmp_path: Path) -> None:
     assert reported["span_s"] == pytest.approx(0.08, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_scene_in_space_is_replayed_alike(tmp_path: Path) -> None:
     moved = "simulation.hand.up.reference.waypoints=[[0.0, 0.0], [0.05, -0.03]]"
     directory = leave_run(tmp_path / "net", "net", 0.06, moved)

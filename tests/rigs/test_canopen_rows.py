@@ -71,7 +71,7 @@ def compare(one: Run, other: Run) -> list[str]:
     ]
 
 
-@pytest.mark.sparse(6)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "data",
     [can_tree(), can_tree(bitrate=800_000), admittance_tree()],

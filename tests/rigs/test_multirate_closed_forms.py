@@ -60,7 +60,7 @@ def test_constant_velocity_passes_exactly(master: int, slave: int, samples: int)
             assert lost[-1] - lost[-1000] <= 1e-15 * books(run).gross_flow
 
 
-@pytest.mark.sparse(4)
+@pytest.mark.sparse(8)
 @pytest.mark.parametrize(
     ("master", "slave", "samples"), [(1, 10, 5), (10, 1, 5), (3, 7, 5), (4, 6, 0), (1, 50, 5)]
 )

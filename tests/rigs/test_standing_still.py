@@ -57,7 +57,7 @@ def at_rest(run: Run) -> tuple[float, float, float]:
     return master, slave, float(error[-1])
 
 
-@pytest.mark.sparse(4)
+@pytest.mark.sparse(8)
 @pytest.mark.parametrize(
     ("changes", "exact"),
     [
@@ -104,6 +104,7 @@ def test_a_position_pair_is_as_stiff_as_check_says(changes: tuple[str, ...]) -> 
     assert said.endswith(f"held still, K = 25.4 N m/rad acts as {acts:.4g}")
 
 
+@pytest.mark.slow
 def test_check_says_what_the_standing_offset_is_made_of() -> None:
     """Three parts that add up to it, and the weight that halving it would double."""
     made = first(

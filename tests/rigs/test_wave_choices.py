@@ -334,6 +334,7 @@ def test_without_noise_and_step_there_is_no_filter() -> None:
     assert found == (None, "none, for no noise and no encoder step is stated")
 
 
+@pytest.mark.slow
 def test_a_coarse_effort_step_raises_the_impedance_as_far_as_the_certificate_goes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

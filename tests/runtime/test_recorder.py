@@ -163,6 +163,7 @@ def test_a_stopped_writer_costs_rows_but_no_time(tmp_path: Path) -> None:
     assert recording.ending["rows_dropped"] == "126"
 
 
+@pytest.mark.slow
 def test_a_killed_loop_loses_nothing(tmp_path: Path) -> None:
     dice = random.Random(1)
     for attempt in range(3):

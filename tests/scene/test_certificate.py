@@ -153,6 +153,7 @@ def test_a_scheme_that_cannot_run_the_scene_is_refused():
     assert "symplectic cannot run the scene at 1000 Hz" in reported.sentences()[0]
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("name", ["resonator", "granular"])
 def test_the_certificate_is_drawn(name, tmp_path):
     draw_certificate(load_rig(CONFIGS / f"scene-{name}.yaml"), tmp_path / "certificate.png")

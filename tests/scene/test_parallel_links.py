@@ -226,6 +226,7 @@ def test_only_what_is_alike_is_joined():
     assert [link for link, _ in join_links(kept)] == kept
 
 
+@pytest.mark.slow
 def test_check_lists_what_was_joined():
     again = "scene.links.twin={type: spring, between: [object, ground], stiffness: 14200}"
     done = CliRunner().invoke(

@@ -79,6 +79,7 @@ def test_a_shipped_scene_runs_with_rk4_and_its_books_close():
     assert middle == pytest.approx(np.abs(kept["scene.at.ring1"]).max(), rel=0.02)
 
 
+@pytest.mark.slow
 def test_symplectic_scenes_close_their_books_and_take_no_hold():
     result, data, _ = run_rig("granular", 0.12, "scene.scheme=symplectic")
     assert result.error is None

@@ -202,6 +202,7 @@ def test_w4_hunt_and_crossley_restitution():
         assert arrays.v[0] == pytest.approx(want, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_w8_ten_grains_keep_their_energy_and_push_back_as_much():
     lossless = granular()
     links = tuple(link._replace(loss=0.0) for link in lossless.links)

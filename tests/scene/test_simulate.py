@@ -54,6 +54,7 @@ def test_a_stop_ends_the_rows_and_is_reported() -> None:
     assert 10 < len(rows) < 2000
 
 
+@pytest.mark.slow
 def test_a_scene_that_never_begins_is_an_error() -> None:
     leaning = ("simulation.axes.master.stylus.start_position=0.05", "simulation.hand={}")
     with pytest.raises(SafetyStop, match="not engaged"):

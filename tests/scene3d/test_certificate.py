@@ -208,6 +208,7 @@ def test_linear_springs_at_axes_are_certified_together():
     assert "unstable with" in reported.verdicts["coupled_stable"].reason
 
 
+@pytest.mark.slow
 def test_what_is_too_stiff_for_the_standard_scheme_is_refused_with_a_rate():
     reported = net("scene.links.thread.stiffness=40000")
     assert not reported.passed

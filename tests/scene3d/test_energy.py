@@ -148,6 +148,7 @@ def test_a_step_that_does_not_arrive_is_cut_in_pieces(monkeypatch):
     assert model.ledger().energy == pytest.approx(model.start.energy, rel=1e-11)
 
 
+@pytest.mark.slow
 def test_a_port_feels_the_mean_over_the_pieces_of_a_step(monkeypatch):
     """What the axes gave in a step is what the points' momentum changed by, however it was cut."""
     ring = free_ring(3, 6, 3e4)

@@ -167,6 +167,7 @@ RUNAWAY = [
 ]
 
 
+@pytest.mark.slow
 def test_what_runs_away_is_stopped_with_discrete_gradients_as_well():
     result, data, _ = run_net(0.5, "scene.scheme=discrete_gradient", *RUNAWAY)
     assert "over a million times its limit" in str(result.error)

@@ -66,6 +66,7 @@ def checks(rig: Path) -> dict[tuple[str, str], dict[str, Any]]:
     return {(one["stage"], one["what"]): one for one in content["checks"]}
 
 
+@pytest.mark.slow
 def test_a_wrong_scale_ends_the_day_before_anything_gets_torque(tmp_path: Path) -> None:
     rig = bench(tmp_path)
     done = accept(rig, "hand,noise", "2 thirty\n", "--axis", "master.lever")

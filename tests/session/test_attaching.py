@@ -287,6 +287,7 @@ def test_what_names_hardware_is_served_and_attached_to_on_request_only(
     assert "--simulate servos --attach" in said
 
 
+@pytest.mark.slow
 def test_a_second_server_is_refused_and_a_dead_one_is_known(run: Any, tmp_path: Path) -> None:
     rig = config("bench-dynamixel-sim")
     reported, summary, _ = run(rig, "--attach")

@@ -39,6 +39,7 @@ def test_a_fault_is_reported_with_its_axis(tmp_path: Path, monkeypatch: pytest.M
     assert set(reported) <= set(result.summary["faults"])
 
 
+@pytest.mark.slow
 def test_a_bus_that_is_refused_leaves_no_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

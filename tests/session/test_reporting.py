@@ -30,7 +30,7 @@ def answering(code: int, reported: str) -> Callable[..., Any]:
     return run
 
 
-@pytest.mark.sparse(8)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("instead", "words"),
     [

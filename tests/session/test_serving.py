@@ -44,6 +44,7 @@ def gone(pid: int) -> bool:
     return False
 
 
+@pytest.mark.slow
 def test_a_pseudo_terminal_is_there_inside_the_block_only(rig: Rig) -> None:
     with served(rig, ("servos",)) as found:
         port = found["servos"]["options"]["port"]
@@ -55,6 +56,7 @@ def test_a_pseudo_terminal_is_there_inside_the_block_only(rig: Rig) -> None:
         os.close(held)
 
 
+@pytest.mark.slow
 def test_a_bus_that_does_not_come_up_is_named(rig: Rig) -> None:
     can = load_rig(CONFIGS / "bench-canopen-vcan.yaml", ["buses.can.options.channel=no-such-can"])
     reported = "bus can: its simulated devices did not start"
@@ -80,6 +82,7 @@ with serving.served(rig, ["servos"]): pass
 """
 
 
+@pytest.mark.slow
 def test_devices_of_a_run_that_is_killed_before_they_are_up_end_too() -> None:
     """They ask for a signal of its death when they have begun; it may be dead by then."""
     rig = str(CONFIGS / "bench-dynamixel-sim.yaml")

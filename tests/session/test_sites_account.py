@@ -89,6 +89,7 @@ def test_a_silence_is_a_hold_and_the_session_goes_on() -> None:
         assert abs(apart) < 0.03
 
 
+@pytest.mark.slow
 def test_what_moved_too_far_in_a_silence_is_a_new_session_and_a_new_reserve() -> None:
     with pair("position", "sites.greatest_backlog=0.001") as two:
         two.run(400)

@@ -187,6 +187,7 @@ def test_a_rig_file_is_no_name_of_a_bus(tmp_path: Path) -> None:
     assert "put it behind the rig file" in reported.stderr
 
 
+@pytest.mark.slow
 def test_a_fake_clock_says_that_it_simulates(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

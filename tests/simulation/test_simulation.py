@@ -62,6 +62,7 @@ def test_errors_say_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
         compiled.load_numba()
 
 
+@pytest.mark.slow
 def test_numba_is_not_imported_before_it_is_used() -> None:
     code = (
         "import sys; from tautwave import simulate, load_rig; "

@@ -67,7 +67,7 @@ def test_two_sites_join_and_talk(start: Start) -> None:
     assert heard(slave, "peer") == {"ready": {"lever": 0.25}}
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.slow
 def test_who_is_killed_is_missed_at_once_and_may_come_again(start: Start) -> None:
     slave, master = start("slave"), start("master")
     first = session_of(heard(slave, "joined"))
@@ -79,7 +79,7 @@ def test_who_is_killed_is_missed_at_once_and_may_come_again(start: Start) -> Non
     assert first.secret != again.secret
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.slow
 def test_a_program_that_ends_without_a_word_is_said_to_have_ended(start: Start) -> None:
     slave, master = start("slave"), start("master")
     heard(slave, "joined")
@@ -99,7 +99,7 @@ def test_a_session_that_is_given_up_is_followed_by_another(start: Start) -> None
     assert session_of(heard(master, "joined")).id != first.id
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.slow
 def test_a_late_word_of_the_session_before_does_not_end_the_next_one(start: Start) -> None:
     slave, master = start("slave"), start("master")
     first = session_of(heard(slave, "joined")).id.hex()
@@ -112,7 +112,7 @@ def test_a_late_word_of_the_session_before_does_not_end_the_next_one(start: Star
     assert heard(slave, "peer") == {"still": "here"}
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.slow
 def test_a_third_with_the_peers_certificate_waits_while_the_peer_is_there(start: Start) -> None:
     slave, master = start("slave"), start("master")
     heard(slave, "joined")
@@ -142,6 +142,7 @@ def test_a_desk_that_stood_still_takes_nobody_for_gone(keys: Path) -> None:
         desk._woken.close()
 
 
+@pytest.mark.slow
 def test_a_site_that_says_nothing_is_dropped_and_not_before(
     keys: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -199,7 +200,7 @@ def test_whoever_closes_without_a_word_is_tried_again(keys: Path) -> None:
             line.close()
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.slow
 def test_strangers_and_other_rigs_are_refused_with_a_sentence_on_both_sides(start: Start) -> None:
     slave = start("slave")
     stranger = start("master", whose="theirs")

@@ -155,7 +155,7 @@ def test_growth_is_the_predicted_one(stiffness: float, samples: int) -> None:
     assert stable == (mode.radius <= 1.0)
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(("b", "mass"), [(10.0, 0.5), (20.0, 0.5), (10.0, 0.2)])
 def test_boundary_is_the_predicted_one(b: float, mass: float) -> None:
     def rig(samples: int) -> Rig:

@@ -228,6 +228,7 @@ def test_a_small_sweep_needs_no_compiler() -> None:
     assert sweep_engine(10**9) in ("compiled", "python")
 
 
+@pytest.mark.slow
 def test_shipped_hundred_thousand_walls(tmp_path: Path) -> None:
     """The whole of it takes minutes; here are its corners, for a moment each."""
     shipped = CONFIGS / "sweeps/many-walls.yaml"

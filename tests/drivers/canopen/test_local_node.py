@@ -192,7 +192,7 @@ def _run(
     return rows
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.slow
 def test_scan_lists_local_nodes(drives: list[Drive]) -> None:
     drives[1].node.sdo[0x603F].raw = 0x2310
     clock = MonotonicClock()

@@ -160,6 +160,7 @@ def run(driver: DynamixelDriver, cycles: int) -> int:
     return whole
 
 
+@pytest.mark.slow
 def test_pulled_out_in_a_run_and_put_back() -> None:
     """The served simulator ends, which is what an adapter that is pulled out looks like."""
     with served("--ids", "1,2") as path:

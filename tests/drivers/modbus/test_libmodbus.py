@@ -115,7 +115,7 @@ def last_left(child: subprocess.Popen[bytes]) -> tuple[int, int, int]:
     return control, torque, answered
 
 
-@pytest.mark.sparse(3)
+@pytest.mark.sparse(6)
 @pytest.mark.parametrize("functions", [[3, 4, 6, 16, 23], [3, 16], [3, 6]])
 @pytest.mark.parametrize("link", ["tcp", "rtu"])
 def test_our_driver_drives_a_server_of_libmodbus(

@@ -140,6 +140,7 @@ def test_it_enables_the_drive_and_moves_it_in_profile_velocity(pdos: str) -> Non
         assert node.state == "SWITCHED ON"
 
 
+@pytest.mark.slow
 def test_it_moves_the_drive_in_cyclic_synchronous_torque() -> None:
     with drives("cst", 5, 6), master("cst", 5) as node:
         node.setup_402_state_machine()
