@@ -9,7 +9,7 @@ random numbers of their own: an edit in one floor changes no other's mutants. A 
 when a test fails or hangs. Survivors are printed with file, line and change; one that changes
 nothing a test could see is written down in `tests/mutants-equivalent.txt` with the reason.
 A run that was stopped continues (`--out` holds what is judged); `--from` and `--only` choose a
-part. The map needs `pytest-cov` (extra dev). Mutants live in a copy; the checkout is never touched.
+part. The map needs `pytest-cov` (extra dev). Mutants live in a copy of the checkout.
 """
 
 from __future__ import annotations
@@ -40,9 +40,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 TREES = ("src", "drivers", "sim")
 MAP = ROOT / ".mutants" / "coverage"
-MARKED = "not (hardware or vcan or long or realtime and slow)"
-"""The tests that mutants meet: slow ones too, where they are no matter of minutes."""
-
+MARKED = "not (hardware or vcan or long or realtime and slow)"  # of tests
+QUIETLY = ("-p", "no:cacheprovider", "--timeout=600")
 EQUIVALENT = ROOT / "tests" / "mutants-equivalent.txt"
 BUDGET_S = 60.0
 """Tests beyond this much time of their own are left out, the slowest first."""
@@ -173,9 +172,8 @@ def make_map(tests: list[str]) -> int:
     """Run the tests (default: all) once; keep which executes which line, and their times."""
     MAP.parent.mkdir(exist_ok=True)
     environment = os.environ | {"COVERAGE_FILE": str(MAP)}
-    command = [sys.executable, "-m", "pytest", "-q", "-m", MARKED]
-    command += ["--cov-context=test", "--cov-report="]
-    command += [f"--cov={tree}" for tree in TREES]
+    command = [sys.executable, "-m", "pytest", "-q", "-m", MARKED, "--cov-report="]
+    command += ["--cov-context=test", *(f"--cov={tree}" for tree in TREES)]
     command += [f"--junit-xml={MAP.with_name('times.xml')}", "-o", "junit_duration_report=call"]
     return subprocess.run([*command, *tests], cwd=ROOT, env=environment, check=False).returncode
 
@@ -315,17 +313,7 @@ class Judge:
                 for stream in range(3):
                     os.dup2(nowhere, stream)
                 resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s), int(limit_s) + 5))
-                options = [
-                    "-x",
-                    "-q",
-                    "-m",
-                    MARKED,
-                    "-n0",
-                    "-p",
-                    "no:cacheprovider",
-                    "--timeout=600",
-                ]
-                code = pytest.main([*options, *tests])
+                code = pytest.main(["-xqn0", "-m", MARKED, *QUIETLY, *tests])
             finally:
                 os._exit(code)
         end = time.monotonic() + 10.0 * limit_s
@@ -357,7 +345,7 @@ def equivalents() -> set[tuple[str, str, str]]:
     return found
 
 
-def run(seed: int, count: int, out: Path, only: list[str], first: int) -> int:
+def run(seed: int, count: int, out: Path, only: tuple[str, ...], first: int) -> int:
     """Judge mutants, a line of JSON each; what `out` holds as killed is not judged again."""
     done = {}
     if out.exists():
@@ -368,9 +356,8 @@ def run(seed: int, count: int, out: Path, only: list[str], first: int) -> int:
     with out.open("a", encoding="utf-8") as kept:
         judge = Judge(MAP.with_name("room"))
         for mutant in drawn(seed, count)[first:]:
-            if done.get(tuple(mutant), "").startswith("killed") or not mutant.path.startswith(
-                tuple(only)
-            ):
+            judged = done.get(tuple(mutant), "").startswith("killed")
+            if judged or not mutant.path.startswith(only):
                 continue
             began = time.monotonic()
             tests = tests_of(mutant, took)
@@ -406,7 +393,7 @@ def main() -> int:
     given = parser.parse_args()
     if given.what == "map":
         return make_map(given.tests)
-    return run(given.seed, given.count, given.out, given.only, given.first)
+    return run(given.seed, given.count, given.out, tuple(given.only), given.first)
 
 
 if __name__ == "__main__":

@@ -72,6 +72,7 @@ def test_many_passive_walls(drawn: tuple[SampledWall, float], share: float) -> N
     hold_walls(drawn, share)
 
 
+@pytest.mark.slow
 def test_tuned_hands_destabilise_walls_beyond_the_limit() -> None:
     seen = []
 

@@ -152,6 +152,7 @@ def test_run_refuses_with_the_sentences_and_leaves_nothing(tmp_path: Path) -> No
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_process")
 def test_run_may_be_allowed_and_carries_a_banner(tmp_path: Path) -> None:
     words = ("run", README_RIG, *QUICK, "--set", wall(9.0), "--allow-uncertified")

@@ -215,6 +215,7 @@ def test_output_to_a_full_disk_is_one_sentence_too(tmp_path: Path) -> None:
     assert done.stderr.startswith("output: cannot be written: No space left on device\n")
 
 
+@pytest.mark.slow
 def test_check_on_a_full_disk_is_exit_code_7_and_leaves_no_half_file(tmp_path: Path) -> None:
     with largest_file(1000):
         done = tautwave("check", RIG, "--out", "out", cwd=tmp_path)

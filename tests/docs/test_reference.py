@@ -108,6 +108,7 @@ def _columns(rig: Rig) -> list[str]:
     return list(build_rig(rig, clock="fake", duration_s=10 / rig.rate_hz).columns)
 
 
+@pytest.mark.slow
 def test_columns_of_the_shipped_rigs_are_explained() -> None:
     from tautwave.report.columns import SECTIONS
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 PHRASES = {
     r"\bno number\b(?! (?:of|changes))": "NaN, or not a number",
@@ -68,6 +70,7 @@ def translated(text: str) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_no_text_has_a_translated_phrase() -> None:
     found = {str(path.relative_to(ROOT)): translated(path.read_text("utf-8")) for path in TEXTS}
     assert {path: phrases for path, phrases in found.items() if phrases} == {}

@@ -175,6 +175,7 @@ def test_what_runs_away_is_stopped_with_discrete_gradients_as_well():
         assert np.isfinite(data[f"scene.asked.{name}"]).all()
 
 
+@pytest.mark.slow
 def test_an_instrument_that_becomes_unstable_is_stopped_and_reported(tmp_path, monkeypatch):
     keep_in_one_process(monkeypatch)
     rig = load_rig(CONFIGS / "scene-net.yaml", RUNAWAY)

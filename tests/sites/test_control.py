@@ -106,6 +106,7 @@ def test_two_sites_agree_and_talk(listener: socket.socket, keys: Path) -> None:
     there.close()
 
 
+@pytest.mark.slow
 def test_each_session_is_drawn_anew(listener: socket.socket, keys: Path) -> None:
     found = set()
     for _ in range(3):

@@ -130,6 +130,7 @@ def test_bytes_never_raise_and_packets_come_through_in_any_pieces(
     assert (9, packet.STATUS, b"\x00\x2a") in found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("register", [GOAL_CURRENT, GOAL_VELOCITY], ids=lambda r: r.name)
 def test_goals_go_out_as_their_register_holds_them(register: object) -> None:
     """All 16-bit patterns; of the 32-bit ones those of two 16-bit halves that look dangerous."""
