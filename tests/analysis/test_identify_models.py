@@ -139,6 +139,7 @@ def test_a_contact_is_found_within_its_interval(kind: str) -> None:
     assert inside >= 0.9 * total, f"{inside} of {total}"
 
 
+@pytest.mark.slow
 def test_the_working_stiffness_is_the_slope_at_the_depth_that_a_twentieth_exceeds() -> None:
     t = np.arange(8000) * 5e-4
     x = 0.05 * np.sin(5.7 * t) + 0.03 * np.sin(13.1 * t + 1.0)

@@ -49,6 +49,7 @@ def test_the_pair_of_dampers_lies_on_a_hyperbola(samples: int) -> None:
     assert math.isinf(needed_slave_damping(law, 0.3).slave)
 
 
+@pytest.mark.slow
 def test_towards_continuous_time_it_is_b_m_b_s_over_k_tau_squared() -> None:
     stiffness, tau = 1000.0, 0.02
     for period in (1e-3, 1e-4):

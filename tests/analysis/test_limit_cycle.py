@@ -64,6 +64,7 @@ def test_everything_but_the_frequency_grows_with_the_bias(bias: float, damping: 
     assert other.frequency == pytest.approx(one.frequency, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_stable_wall_rests_and_an_undamped_device_never_does() -> None:
     device = Device(0.1, 0.3)
     for wall in (SampledWall(0.0), SampledWall(0.0, 0.2, 1e-3, 1.4)):

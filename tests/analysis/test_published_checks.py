@@ -193,6 +193,7 @@ def test_D11_steps_of_a_lossless_line() -> None:
     assert forces[1000] == pytest.approx(1.2642, rel=0, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_D12_what_the_hand_feels_through_the_line() -> None:
     """Niemeyer & Slotine 1991: the line's mass b tau joins the rig's, its spring b / tau K's."""
     for damping, mass in [(0.0, 1.5), (1.0, 1.485)]:

@@ -18,6 +18,7 @@ from tautwave.errors import ConfigError
 START = Column(0.0, SampledWall(0.0, 0.0, 1e-3), Device(0.1, 0.7), 0.7, 0.03, 1e-4)
 
 
+@pytest.mark.slow
 def test_simulated_boundary_is_the_rule_over_decades() -> None:
     limited_by = set()
     for device in itertools.product(

@@ -68,6 +68,7 @@ def test_other_axes(key: str, low: float, high: float) -> None:
     assert progress[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_growth_in_time_is_that_of_the_map() -> None:
     device = Device(0.1, 0.1)
     for delay, stiffness in ((0.0, 2178.4834), (1.0, 725.38746), (1.4, 500.0)):

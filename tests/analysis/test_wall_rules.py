@@ -243,6 +243,7 @@ devices = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(walls, devices, st.sampled_from([None, PAPER_HAND]))
 @settings(max_examples=40)
 def test_every_remedy_works_alone_and_the_blame_adds_up(
@@ -280,6 +281,7 @@ def test_sentence_of_the_readme() -> None:
     )
 
 
+@pytest.mark.slow
 @given(st.floats(0, 6), st.floats(-3, 1), st.sampled_from([0.0, 1.0, 2.6]))
 @settings(max_examples=40)
 def test_advice_as_printed_is_enough(stiffness: float, damping: float, delay: float) -> None:

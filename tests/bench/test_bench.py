@@ -80,6 +80,7 @@ def test_think_parts_cost_something() -> None:
     assert all(cost.best_ns > 0.0 for part in found.values() for cost in part.values())
 
 
+@pytest.mark.slow
 def test_a_compiled_call_runs() -> None:
     pytest.importorskip("numba")
     works = compiled.kernels((calls.LAWS[0],))

@@ -40,6 +40,7 @@ def short(contact: str, seconds: float = 1.5) -> Hand:
     return hand
 
 
+@pytest.mark.slow
 def test_the_port_follows_a_hand_closer_than_the_laboratory_does(tmp_path: Path) -> None:
     hand = short("free")
     after, lab = (score(hand, law, 9e-5, tmp_path) for law in ("after", "lab"))

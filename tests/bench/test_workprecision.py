@@ -148,6 +148,7 @@ def test_scipy_throws_as_we_do() -> None:
             assert found.error < 1e-6
 
 
+@pytest.mark.slow
 def test_mujoco_has_the_stiffness_asked_for() -> None:
     pytest.importorskip("mujoco")
     for scene in (contact.WALL, contact.HERTZ):
@@ -162,6 +163,7 @@ def test_mujoco_s_explosion_is_no_small_error() -> None:
     assert math.isinf(found["MuJoCo Euler"].error)
 
 
+@pytest.mark.slow
 def test_python_control_is_exact_on_the_resonator() -> None:
     pytest.importorskip("control")
     assert all(p.error < 1e-10 for p in peers.control_linear((100,), 1))
@@ -192,6 +194,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "rates", lambda *_: rates)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("tiny")
 def test_it_writes_what_it_measured(tmp_path: Path) -> None:
     result = CliRunner().invoke(

@@ -68,6 +68,7 @@ def test_goals_are_at_both_ends_and_say_the_charge() -> None:
     assert list(mujoco_goals([Charge(SCENE._replace(points=SCENE.points[:2]), WHOLE)])) == []
 
 
+@pytest.mark.slow
 def test_mujoco_closes_the_same_loop() -> None:
     pytest.importorskip("mujoco")
     aims = plain_aims(1500)

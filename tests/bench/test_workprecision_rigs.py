@@ -26,6 +26,7 @@ def test_every_round_begins_as_the_first_did() -> None:
     assert found.cpu_s > 0.0
 
 
+@pytest.mark.slow
 def test_schemes_converge_to_the_oracle_with_their_orders() -> None:
     scene = rig_scene(WAVE_FOAM, (1, 4), (1e-6,), 1e-4, SECONDS, 1)
     errors: dict[str, list[float]] = {}

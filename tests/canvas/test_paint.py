@@ -84,6 +84,7 @@ def test_every_colour_is_an_attribute_of_the_palette():
     assert "prefers-color-scheme: dark" in alone(text)
 
 
+@pytest.mark.slow
 def test_figures_of_one_page_share_no_identifier():
     one, two = svg(drawn()[0], "one"), svg(drawn()[0], "two")
     first, second = (set(re.findall(r' id="([^"]*)"', text)) for text in (one, two))
@@ -138,6 +139,7 @@ def test_one_legend_for_all_and_words_below():
     assert all(0.0 < text.get_position()[1] < above.get_position().y0 for text in reported)
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("kind", ["pdf", "svg"])
 def test_a_paper_gets_its_width_its_letters_and_no_title(kind):
     with styled(Style(84.0 / 25.4, 7.0, find_font("dejavu serif"), titled=False)):

@@ -53,6 +53,7 @@ def test_check_exits_3_when_the_required_verdict_fails(tmp_path: Path) -> None:
     assert (tmp_path / "reported/certificate.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_check_follows_require(tmp_path: Path) -> None:
     words = ("check", README_RIG, "--set", wall(4.5), "--json")
     assert tautwave(*words, cwd=tmp_path).exit_code == 3

@@ -35,6 +35,7 @@ def test_a_wave_port_is_passive_for_whole_command_delays(periods: int) -> None:
     assert certificate.verdicts["passive_quantised"].passed
 
 
+@pytest.mark.slow
 def test_a_share_of_a_period_is_not_covered() -> None:
     certificate = certified(*NO_WALLS, "buses.arm.options={command_delay_s: 0.0014}")
     port = element(certificate, "slave.lever port")
@@ -80,6 +81,7 @@ def test_matched_ends_filters_scaling_and_the_line_are_passive() -> None:
     assert "power scaled by 3" in element(certificate, "scaling of lever").passive.reason
 
 
+@pytest.mark.slow
 def test_encoder_steps_are_paid_for_and_so_not_passive_with_them() -> None:
     port = element(certified(*NO_WALLS), "slave.lever port")
     assert not port.passive_quantised.passed
@@ -177,6 +179,7 @@ def test_a_wall_too_stiff_is_unstable_and_said_to_be() -> None:
     assert any(not case.stable and case.radius > 1.0 for case in walls)
 
 
+@pytest.mark.slow
 def test_an_unstable_contact_with_the_environment_is_no_fault_of_a_local_wall() -> None:
     steel = "simulation.environment.lever={type: wall, position: 0.15, stiffness: 5.0e+3}"
     changes = (*BARE, steel, f"{PAIR}.wave_impedance=5", "require=coupled_stable")

@@ -109,6 +109,7 @@ def test_what_cannot_be_said_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "has no linear model" in str(pair_felt(one, "lever", declared_delays(one)))
 
 
+@pytest.mark.slow
 def test_limit_cycles_are_of_walls_that_fail_only() -> None:
     def cycles(*overrides: str) -> tuple[room.WallCycle, ...]:
         one = rig("bench-1dof-loopback", *overrides)

@@ -17,6 +17,7 @@ from tests.certificate.rigs import certified, element, rig
 NAME = "network-loopback"
 
 
+@pytest.mark.slow
 def test_receivers_are_elements_with_their_reserve() -> None:
     certificate = certified(name=NAME)
     for side in ("master", "slave"):

@@ -94,6 +94,7 @@ def hold(seed: int, rigs: int) -> int:
     return met
 
 
+@pytest.mark.slow
 def test_a_pressed_wall_beside_a_certified_port_feeds_no_wave() -> None:
     assert hold(3, 12) > 10
 

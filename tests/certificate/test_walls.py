@@ -45,6 +45,7 @@ def test_a_wall_that_fails_is_reported_with_the_hand_it_fails_against() -> None:
     assert not any(line.startswith(reported) for line in passing.sentences)
 
 
+@pytest.mark.slow
 def test_the_velocity_filter_of_the_loop_is_counted() -> None:
     """K T / 2 + B T / (T + 2 tau)."""
     changes = (wall(2.0, 3e-3), "slave.axes.lever.velocity_filter_s=0.002")
@@ -89,6 +90,7 @@ def test_wall_and_port_share_the_damping() -> None:
     )
 
 
+@pytest.mark.slow
 def test_passivity_control_stands_in_for_damping() -> None:
     control, free = "passivity_control: true", "slave.axes.lever.effort_rate_limit="
     limited = element(certified(wall(40.0, 0.0, control)), "slave wall").passive
@@ -125,6 +127,7 @@ def test_a_limit_on_the_rate_of_effort_must_not_hold_the_wall_up(change: str, st
     assert found.passive.state == state
 
 
+@pytest.mark.slow
 def test_an_encoder_step_without_friction_passes_no_wall() -> None:
     found = element(certified(wall(1e-3)), "slave wall")
     assert found.passive.passed
@@ -222,6 +225,7 @@ def test_derate_renders_the_stiffest_passive_wall() -> None:
     assert "K = 9 N m/rad requested, derated to 3" in sentences[0]
 
 
+@pytest.mark.slow
 def test_derate_leaves_a_certified_wall_alone() -> None:
     reported = certified(wall(2.0, 0.0, "derate: true")).walls["slave.lever"]
     assert reported["rendered_stiffness"] == reported["asked_stiffness"] == 2.0

@@ -124,6 +124,7 @@ def test_out_shows_what_the_rig_can_show_a_hand(tautwave_cli: Cli, tmp_path: Pat
         assert (tmp_path / f"kept/{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_bus_that_is_too_slow_is_said_at_the_end(tautwave_cli: Cli) -> None:
     rig = CONFIGS / "bench-dynamixel-sim.yaml"
     done = tautwave_cli("check", rig, "--set", "rate_hz=2000", "--set", "coupling.delay_s=0")

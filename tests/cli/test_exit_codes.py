@@ -224,6 +224,7 @@ def test_check_on_a_full_disk_is_exit_code_7_and_leaves_no_half_file(tmp_path: P
     assert not list((tmp_path / "out").iterdir())
 
 
+@pytest.mark.slow
 def test_the_summary_of_a_stop_says_when_on_which_axis_and_why_as_data(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -292,6 +293,7 @@ def test_a_recorder_that_is_killed_shows_in_code_and_last_line(
     assert "the recording is incomplete: the recording's writer was killed by SIGKILL" in last
 
 
+@pytest.mark.slow
 def test_a_file_that_was_cut_short_behind_our_back_is_exit_code_7(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -201,6 +201,7 @@ def test_progress_is_written_every_half_percent_and_when_the_word_changes(
         ]
 
 
+@pytest.mark.slow
 def test_progress_never_waits_for_a_stopped_reader() -> None:
     progress = Progress("bench")
     os.kill(progress._child.pid, signal.SIGSTOP)  # as Ctrl-S does to whoever writes to a terminal

@@ -102,6 +102,7 @@ def test_a_blocked_device_is_a_recording_that_tells_nothing(tmp_path: Path) -> N
     assert reported.value.exit_code == 2  # nothing was stopped: the run itself went as it should
 
 
+@pytest.mark.slow
 def test_leaving_the_range_stops_and_says_what_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,6 +115,7 @@ def test_leaving_the_range_stops_and_says_what_to_do(
     assert abs(commanded[-1]) < 0.01
 
 
+@pytest.mark.slow
 def test_an_axis_at_the_end_of_its_range_is_not_shaken(tmp_path: Path) -> None:
     rig = load_rig(BENCH, ["simulation.axes.master.lever.start_position=0.45"])
     with pytest.raises(SafetyStop, match="at the end of its range"):

@@ -79,6 +79,7 @@ def test_the_truth_of_a_lever_is_inside_its_intervals(tmp_path: Path) -> None:
     assert "inertia: {value: 0.0015" in found.snippet
 
 
+@pytest.mark.slow
 def test_a_sensor_of_what_touched_it_is_compared_with_the_motor(tmp_path: Path) -> None:
     shown, effort, outside = moved(stiffness=2.0)
     file = csv(tmp_path / "a.csv", angle_rad=shown, motor_nm=effort, force=-2.0 * outside + 0.1)

@@ -155,6 +155,7 @@ def csv(path: Path, position: np.ndarray, **more: np.ndarray) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_lines_are_those_of_a_rig_file(cli: Cli, tmp_path: Path) -> None:
     source = csv(tmp_path / "still.csv", drifting(9e-5 * noise_of("AR(.9)"), STEP))
     done = cli("identify", source, "--noise", "--out", "out")

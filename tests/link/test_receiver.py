@@ -295,7 +295,6 @@ def test_it_grows_no_deeper_than_it_may() -> None:
     assert run.receiver.depth == 2
 
 
-@pytest.mark.slow
 def test_a_slip_backwards_repeats_what_there_was_and_is_not_felt() -> None:
     """A receiver whose clock is fast, with energy to spare: the force never drops."""
     p = equal_rates(reserve=1e-2)

@@ -59,6 +59,7 @@ PLANTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANTS)
 def test_the_books_close(name: str) -> None:
     steps = 300 if name == "light and stiff" else 1500

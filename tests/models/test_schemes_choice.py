@@ -296,7 +296,7 @@ def test_what_a_scheme_cannot_hold_is_refused_with_numbers(
         axis_model(rig_with(*keys), "slave.lever", 10)
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     "scheme", ["auto", "symplectic_euler", "implicit_midpoint", "rk4", "dormand_prince"]
 )

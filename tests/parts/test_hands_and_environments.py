@@ -104,6 +104,7 @@ def test_the_books_close_at_an_environment_part(rig_file: Path) -> None:
         assert np.abs(run[name]).max() < 1e-9, name
 
 
+@pytest.mark.slow
 def test_the_error_that_a_rig_allows_decides_the_steps_of_a_part(rig_file: Path) -> None:
     text = rig_file.read_text()
 

@@ -25,6 +25,7 @@ def test_two_runs_side_by_side(tmp_path, reported):
     assert "master.axes" not in page.text.split("All differences")[0]
 
 
+@pytest.mark.slow
 def test_a_run_against_itself_differs_in_nothing(tmp_path, reported):
     page = Page(compare_reports(reported, reported, tmp_path / "same.html"))
     assert page.text.count("Nothing.") == 2
@@ -52,6 +53,7 @@ def test_ratios_of_rounding_are_not_ratios(tmp_path):
     assert books.count("both zero") == 1
 
 
+@pytest.mark.slow
 def test_pairs_that_only_one_run_has(tmp_path, reported):
     make_run(tmp_path / "other", pairs=("elbow",), rows=300)
     page = Page(compare_reports(reported, tmp_path / "other", tmp_path))

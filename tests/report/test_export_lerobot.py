@@ -254,6 +254,7 @@ def test_cameras_become_videos_frame_by_frame(tmp_path: Path) -> None:
     assert "\n".join(f"{one.name}: {one.type}" for one in table.schema) == SCHEMA
 
 
+@pytest.mark.slow
 def test_a_picture_that_stands_is_none(tmp_path: Path) -> None:
     pytest.importorskip("av")
     run = filmed(tmp_path / "run", lost=range(20, 30))

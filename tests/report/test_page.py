@@ -220,6 +220,7 @@ def test_a_simulated_clock_has_no_histograms(tmp_path, columns):
     assert "--clock fake" in page.text
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unpainted")
 def test_several_pairs_are_folded_below_an_overview_and_flat_ones_named(tmp_path):
     pairs = ("wrist", "elbow", "knee", "hip")
@@ -377,6 +378,7 @@ def test_a_run_of_two_cycles(tmp_path):
     Page(write_report(tmp_path))
 
 
+@pytest.mark.slow
 def test_reading_numbers_costs_no_matplotlib():
     code = (
         "import sys, tautwave.report, tautwave.report.units, tautwave.report.run.tables\n"

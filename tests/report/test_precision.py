@@ -115,6 +115,7 @@ def test_another_law_does_not(simulated: tuple[Rig, Path]) -> None:
     assert found["pairs"]["lever"]["slave"]["replayed"] > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unpainted")
 def test_the_page_says_it(simulated: tuple[Rig, Path], reported: dict[str, Any]) -> None:
     assert reported

@@ -77,6 +77,7 @@ def facts_of(directory: Path) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_scene_is_replayed_to_the_bit_and_sampling_is_its_error(resonator: Path) -> None:
     reported = facts_of(resonator)
     assert reported["kind"] == "scene"
@@ -116,6 +117,7 @@ def test_the_report_says_so(resonator: Path) -> None:
     assert "Not computed" not in page
 
 
+@pytest.mark.slow
 def test_a_change_of_the_recording_is_found(resonator: Path) -> None:
     run = load_run(resonator)
     rig = load_rig(resonator / "rig.yaml")
@@ -228,6 +230,7 @@ def test_a_thousandth_of_a_decibel_is_nothing() -> None:
     assert decibels(-0.73) == "\N{MINUS SIGN}0.730 dB"
 
 
+@pytest.mark.slow
 def test_samples_that_were_lost_leave_the_port_where_it_was(tmp_path: Path) -> None:
     faults = "simulation.faults={missing_probability: 0.05}"
     directory = leave_run(tmp_path / "lost", "resonator", 0.08, faults, "loop.missing_limit=10")

@@ -140,6 +140,7 @@ def test_the_books_close(name: str) -> None:
     assert closed.plant_residual < 1e-9 * closed.plant_flow
 
 
+@pytest.mark.slow
 def test_a_servo_with_another_step_has_other_rows() -> None:
     """The comparison above can fail."""
     data = RIGS["one line"]

@@ -122,6 +122,7 @@ def test_silence_is_a_hold_and_both_meet_again() -> None:
     assert_kept(once)
 
 
+@pytest.mark.slow
 def test_a_force_that_silence_took_is_owed_until_the_hand_gives_way() -> None:
     """What was in spring and hand is heat: energy is short in every slot, and nothing is made."""
     waypoints = [[0.02, 0.0], [0.2, 0.1], [1.5, 0.1], [1.7, 0.0]]

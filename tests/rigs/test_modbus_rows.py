@@ -140,7 +140,7 @@ TREES = {
 }
 
 
-@pytest.mark.sparse(6)
+@pytest.mark.sparse(12)
 @pytest.mark.parametrize("name", TREES)
 def test_rows_over_simulated_modbus_equal_those_of_loopback(name: str) -> None:
     data = TREES[name]

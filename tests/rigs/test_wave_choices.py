@@ -124,6 +124,7 @@ def test_what_is_saved_holds_numbers_and_chooses_nothing() -> None:
     assert not again.choices
 
 
+@pytest.mark.slow
 def test_a_run_takes_the_choice_from_its_certificate() -> None:
     left = first(choose=False)
     found = certify_text(resolved_yaml(left))
@@ -314,6 +315,7 @@ def test_what_no_pole_bears_is_refused_with_what_would_pass() -> None:
     assert "raise the rate, lower wave_impedance, or add damping" in " ".join(found.failures)
 
 
+@pytest.mark.slow
 def test_a_lossless_line_has_no_choice_where_there_is_noise(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"needs a wave filter .* set wave_filter_hz to auto"):
         first(f"{PAIR}.wave_filter_hz=null")

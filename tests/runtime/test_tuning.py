@@ -288,6 +288,7 @@ LIMIT = "master.axes.stylus.effort_limit"
 PRESSED = {0.15: {LIMIT: 1.0}, 0.35: {LIMIT: 20.0}}
 
 
+@pytest.mark.slow
 def test_a_scene_has_the_ceilings_of_its_axes_and_they_act() -> None:
     run = tuned(rig_of("scene-resonator.yaml"), 0.4, PRESSED)
     acts = run["tuning.master.stylus.effort_ceiling"]

@@ -106,6 +106,7 @@ def test_a_regime_names_its_contacts_up_to_three_and_else_how_many():
         assert text_of(links[:size], len(links)) == name
 
 
+@pytest.mark.slow
 def test_a_contact_behind_a_mass_counts_with_its_resonance():
     """Closed, it is the resonator that such a spring makes."""
     more = [
@@ -189,7 +190,7 @@ STIFFENED = {
 }
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize("name", STIFFENED)
 def test_a_shipped_scene_stiffened_beyond_its_bound_is_refused(name):
     path = CONFIGS / f"scene-{name}.yaml"

@@ -102,6 +102,7 @@ def test_check_says_what_a_cycle_costs(costs):
     assert set(measured) == {"python"}  # nothing is compiled for a check
 
 
+@pytest.mark.slow
 def test_a_cycle_is_measured_with_the_loop_around_it():
     rig = load_rig(GRANULAR)
     whole, alone = scene_pace.scene_pace(rig), scene_pace._step_alone(rig, "python", 20)

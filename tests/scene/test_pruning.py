@@ -29,7 +29,7 @@ def with_rest(network: Network) -> Network:
     )
 
 
-@pytest.mark.sparse(2)
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("network", "scheme"),
     [

@@ -89,6 +89,7 @@ def test_symplectic_scenes_close_their_books_and_take_no_hold():
     assert np.abs(data["scene.numeric"]).max() > 0.0
 
 
+@pytest.mark.slow
 def test_the_effort_is_the_scenes_answer_to_this_very_sample():
     _, data, built = run_rig("resonator", 0.4)
     x, at = data["master.stylus.position"], data["scene.at.object"]
@@ -160,6 +161,7 @@ def test_lost_samples_and_skipped_slots_cost_nothing_of_the_books():
     assert np.abs(data["scene.residual"]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_two_axes_touch_one_scene(tmp_path):
     text = (CONFIGS / "scene-resonator.yaml").read_text()
     second = text[text.index("    stylus:\n") : text.index("scene:\n")]
@@ -226,6 +228,7 @@ def test_a_negative_damper_is_refused_with_exit_3(tmp_path):
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_check_lists_what_is_left_out():
     more = ["scene.masses.far={mass: 1, count: 3}"]
     more += ["scene.links.far={type: spring, between: [far, far], chain: true, stiffness: 1}"]

@@ -175,6 +175,7 @@ def net(*overrides: str):
     return certify(load_rig(CONFIGS / "scene-net.yaml", overrides))
 
 
+@pytest.mark.slow
 def test_the_net_is_conditional_and_says_on_what():
     reported = net()
     for name in ("passive", "coupled_stable"):
@@ -237,6 +238,7 @@ def test_what_feeds_is_not_certified(link):
     assert not any(verdict.passed for verdict in reported.verdicts.values())
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("linear", [False, True])
 def test_the_certificate_is_drawn(tmp_path, linear):
     more = [
@@ -324,6 +326,7 @@ def test_a_ball_on_a_mass_is_the_contact_of_one_dimension():
     assert found.numbers["share"] == pytest.approx(want / 0.3, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_at_once_a_ball_reaches_the_knots_around_one_place():
     """In the net of 25 mm that is four knots, the corners of a mesh; alike ones count once."""
     rig = load_rig(CONFIGS / "scene-net.yaml")

@@ -56,7 +56,7 @@ def test_the_standard_scheme_keeps_both_momenta_and_books_what_it_makes(seed, st
     assert model.ledger().numeric != 0.0
 
 
-@pytest.mark.sparse(5)
+@pytest.mark.sparse(10)
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_every_kind_of_link_keeps_its_books(scheme, seed):

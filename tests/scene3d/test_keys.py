@@ -40,6 +40,7 @@ def test_a_scene_of_one_dimension_resolves_as_ever():
     assert parse_rig(RESONATOR, "rig.yaml", ["scene.dimension=1"]) == parse_rig(RESONATOR)
 
 
+@pytest.mark.slow
 def test_one_dimension_loads_nothing_of_three():
     code = (
         "import sys, json\n"

@@ -135,6 +135,7 @@ def test_what_is_no_acceptance_is_said(tmp_path: Path, text: str) -> None:
     assert "is not the acceptance.json that `tautwave accept` wrote" in done.output
 
 
+@pytest.mark.slow
 def test_what_was_sealed_is_verified_to_the_byte(tmp_path: Path) -> None:
     make_authority(tmp_path / "keys", ["lab", "clinic"])
     make_authority(tmp_path / "others", ["lab", "clinic"])

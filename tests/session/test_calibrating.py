@@ -368,6 +368,7 @@ def test_a_folder_that_may_not_be_written_is_said_before_anything_is_asked(
     assert "bring" not in done.output
 
 
+@pytest.mark.slow
 def test_what_does_not_end_says_after_how_long(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

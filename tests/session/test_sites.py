@@ -99,6 +99,7 @@ def test_a_place_that_the_slave_cannot_reach_is_not_gone_to(pair: Make, stands: 
     assert two.slave.control._meeting.hindrance == ""
 
 
+@pytest.mark.slow
 def test_too_much_missed_is_a_new_session(pair: Make) -> None:
     two = pair("sites.greatest_backlog=0.001")
     two.run(500)

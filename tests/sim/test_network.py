@@ -57,6 +57,7 @@ def take(way: Way, sent: int) -> None:
         time.sleep(1e-3)
 
 
+@pytest.mark.slow
 def test_datagrams_pass_both_ways_and_losses_are_those_drawn() -> None:
     with (
         udp() as server,

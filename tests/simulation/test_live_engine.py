@@ -130,6 +130,7 @@ def test_compiling_is_announced_where_nothing_is_kept(
     assert reported == ["compiling the controller, once per machine and version"]
 
 
+@pytest.mark.slow
 def test_a_run_in_python_does_not_import_numba() -> None:
     code = (
         "import sys; from tautwave.session import running; from tautwave.config import parse_rig;"

@@ -138,6 +138,7 @@ def test_a_cluster_that_lost_its_workers_is_not_waited_for_without_end(
         list(cluster(times_ten, [(0, 1)]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("where", "part"),
     [

@@ -140,6 +140,7 @@ def cells(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_table_and_figure(write: Callable[[str], Path], tmp_path: Path) -> None:
     plan = load_sweep(write(GOOD))
     heard: list[float] = []
@@ -253,6 +254,7 @@ def test_command_writes_table_and_picture(write: Callable[[str], Path], tmp_path
     assert "no such file" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_command_says_how_to_go_on(
     write: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

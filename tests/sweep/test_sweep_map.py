@@ -121,6 +121,7 @@ planes:
 """
 
 
+@pytest.mark.slow
 def test_a_plane_over_the_encoders_step(tmp_path: Path) -> None:
     path, out = written(tmp_path, QUANTISED), tmp_path / "out"
     plan = load_map(path)

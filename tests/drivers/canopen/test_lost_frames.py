@@ -110,6 +110,7 @@ def in_peace_then(**faults: float) -> Rig:
     return rig
 
 
+@pytest.mark.slow
 def test_one_frame_of_ten_may_be_lost_at_random() -> None:
     rig = in_peace_then(lost=0.1)
     rows, reported = rig.run(1000, TORQUE)

@@ -153,6 +153,7 @@ def test_goals_go_out_as_their_register_holds_them(register: object) -> None:
         assert int.from_bytes(params[5 : 5 + size], "little", signed=True) == value
 
 
+@pytest.mark.slow
 def test_every_current_comes_back_from_the_servos_own_codec() -> None:
     """Before a velocity that begins with FD, too: FF FF FD over the border of two registers."""
     usual = FastPath((1,), FIELDS, fast=False)

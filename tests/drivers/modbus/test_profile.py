@@ -211,6 +211,7 @@ def test_a_file_of_ones_own_runs(tmp_path: Path) -> None:
     assert made.commanded(0) == 0.0
 
 
+@pytest.mark.slow
 def test_the_profiles_are_package_data() -> None:
     """Loaded as an installed package does, and without the vendor's library."""
     code = (

@@ -105,6 +105,7 @@ def test_always_late_is_a_shift() -> None:
     assert responses[1:] == [b"".join(GOOD)] * 4
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes() -> None:
     chances = dict.fromkeys(PACKET_KINDS, 0.02)
 

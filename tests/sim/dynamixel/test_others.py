@@ -201,6 +201,7 @@ def test_the_wire_is_not_faster_than_its_baud_rate() -> None:
         assert COMM_SUCCESS in results
 
 
+@pytest.mark.slow
 def test_rustypot_reads_and_moves(device: str) -> None:
     servos = rustypot.Xl330PyController(device, 1_000_000, 5.0)
     try:

@@ -91,6 +91,7 @@ def test_two_masters_at_once() -> None:
     run(script)
 
 
+@pytest.mark.slow
 def test_a_request_that_comes_in_pieces() -> None:
     def script(port: int) -> Script:
         client = Client(port)
@@ -137,6 +138,7 @@ def test_a_reset_reaches_the_master() -> None:
     run(script, {"kind": "reset"})
 
 
+@pytest.mark.slow
 def test_a_server_is_gone_and_back() -> None:
     def script(port: int) -> Script:
         client = Client(port)

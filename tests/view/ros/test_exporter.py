@@ -79,6 +79,7 @@ def names(one: Any) -> set[str]:
     return {status.name for status in one.status} if one.sample_info.valid_data else set()
 
 
+@pytest.mark.slow
 def test_joints_diagnostics_and_the_end_arrive(tmp_path: Path, node: Node) -> None:
     kinds = (Policy.Reliability.BestEffort, Policy.Reliability.Reliable(10**9))
     readers = [subscribe(node, kind, "/left/slave/joint_states", JointState) for kind in kinds]
