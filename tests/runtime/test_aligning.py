@@ -10,7 +10,7 @@ import pytest
 
 from tautwave.controller.records import AxisState
 from tautwave.laws.alignment import AlignParams
-from tautwave.runtime.operate.aligning import PATIENCE_S, Alignment
+from tautwave.runtime.operate.aligning import MOST_WAYS, PATIENCE_S, Alignment
 from tautwave.runtime.operate.resting import PullParams
 from tests.runtime.operating import BARE, FREE, STILL, bench, operate
 
@@ -82,6 +82,27 @@ def test_a_second_way_has_a_budget_beside_what_the_first_one_took() -> None:
     assert not made.arrived(1000)
     assert made.pulls[0].target == pytest.approx(0.7)
     assert made.pulls[0].budget == pytest.approx(0.2 + made.granted - first)
+
+
+def test_a_master_that_never_stays_is_followed_so_many_times_and_then_blocks() -> None:
+    made = alignment(0.5)
+    made.begin(0, keep_offset=False)
+    made.start(0)
+    first, slot = made.granted, 0
+    while not made.is_late(slot) and slot < 100_000:
+        made._axes[1].position = made.pulls[0].reference = made.pulls[0].target
+        made._axes[0].position += 0.1
+        for _ in range(2):  # it stands, and stood half a second before
+            slot += 500
+            assert not made.arrived(slot)
+    assert slot < 10_000
+    assert first < made.granted <= MOST_WAYS * first
+    unused: Any = [None, None]
+    why = made.hindrance(["a"], unused, unused)
+    assert why == "an axis moves, or is in its wall; keep the devices still to engage"
+    made.begin(slot, keep_offset=False)  # asked again: the ways count anew
+    made.start(slot)
+    assert not made.is_late(slot)
 
 
 def test_none_is_pulled_while_one_has_a_place_outside_its_range() -> None:

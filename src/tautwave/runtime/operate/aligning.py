@@ -17,6 +17,9 @@ REST_S = 0.1
 PATIENCE_S = 5.0
 """Beyond the time that the way takes, after which an alignment is blocked."""
 
+MOST_WAYS = 5
+"""Ways that slaves go in one alignment, each with a budget, while their masters move on."""
+
 
 class Alignment:
     """One way into an engagement after another.
@@ -47,7 +50,7 @@ class Alignment:
         self._period_s = period_ns * 1e-9
         self._span = max(1, round(REST_S / self._period_s))
         self._since = [0.0] * len(axes)
-        self._still_from = self._began = self._limit = 0
+        self._still_from = self._began = self._limit = self._ways = 0
         self.pulls: dict[int, Pull] = {}
         self._refused: dict[int, str] = {}
         self.keep_offset = self._moving = False
@@ -64,7 +67,7 @@ class Alignment:
         self._moving = moving
         self.keep_offset = keep_offset
         self._began = slot
-        self._limit = 0
+        self._limit = self._ways = 0
 
     def clear(self) -> None:
         """Pull no more."""
@@ -100,7 +103,7 @@ class Alignment:
     def is_late(self, slot: int) -> bool:
         """Return whether it has taken too long, or cannot be done."""
         gone = self.let_go > 0 and bool(self._astray())
-        return slot > self._limit or bool(self._refused) or gone
+        return slot > self._limit or self._ways >= MOST_WAYS or bool(self._refused) or gone
 
     def arrived(self, slot: int) -> bool:
         """Return whether all slaves are in place, and all axes stand.
@@ -112,8 +115,10 @@ class Alignment:
         if not (all(self._there(k) for k in self.pulls) and self._is_still(slot)):
             return False
         if self._astray():
-            self._limit = 0
-            self.start(slot)
+            self._ways += 1
+            if self._ways < MOST_WAYS:
+                self._limit = 0
+                self.start(slot)
             return False
         return True
 
