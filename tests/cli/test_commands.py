@@ -35,6 +35,7 @@ def test_every_help_has_an_example(tautwave_cli: Cli, words: tuple[str, ...]) ->
     result = tautwave_cli(*words, "--help")
     assert result.exit_code == 0
     assert re.search(rf"^ +tautwave {' '.join(words)}", result.output, re.MULTILINE)
+    assert "None" not in result.output  # of a range without bounds
 
 
 def all_options() -> Iterator[tuple[click.Context, click.Parameter]]:

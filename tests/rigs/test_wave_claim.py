@@ -77,10 +77,10 @@ def test_the_greatest_spectrum_is_none_that_is_exceeded(lags: tuple[float, ...])
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ((), "most of it by loop.overrun_limit 40: 7 leaves 0.9"),
+        ((), "most of it from loop.overrun_limit 40; with 7 it is 0.9"),
         (
             ("loop.overrun_limit=2", "loop.missing_limit=30"),
-            "most of it by loop.missing_limit 30: ",
+            "most of it from loop.missing_limit 30; with ",
         ),
         (
             (*SHORT, "master.axes.lever.effort_limit=9", "master.axes.lever.effort_rate_limit=1e5"),

@@ -25,6 +25,10 @@ class Number(click.FloatRange):
 
     name = "number"
 
+    def _describe_range(self) -> str:
+        """Return the range for the help text; click has `x<=None` for one without bounds."""
+        return "" if self.min is None and self.max is None else super()._describe_range()
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number."""
         found = super().convert(value, param, ctx)
@@ -107,7 +111,7 @@ simulate_option = click.option(
     metavar="[BUS]",
     callback=_simulated,
     help="Simulate BUS although it names hardware (a serial port, a TCP address, a physical CAN"
-    " channel); may be repeated. Without a name: every bus. Behind RIG.",
+    " channel); may be repeated. Without a name: every bus. Comes after RIG.",
 )
 
 
@@ -136,8 +140,7 @@ def as_for_run(*names: str) -> Callable[[Any], Any]:
 site_option = click.option(
     "--site",
     type=click.Choice(["master", "slave"]),
-    help="The half of a rig for two machines that is this one's; the other's buses are not looked"
-    " at.",
+    help="The half of a rig for two machines that runs here; the other half's buses are ignored.",
 )
 
 

@@ -68,5 +68,5 @@ class Sites(Aligning):
     here: SideName | None = Field(
         default=None,
         description="The half that this machine runs, as `--site` sets it; the other's buses are "
-        "not looked at.",
+        "ignored.",
     )

@@ -120,7 +120,8 @@ def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
             left = max(ratio(rig, claim) for claim in less)
             if left <= 1.0:
                 break
-        text = f"{much}, most of it by loop.{key} {limits[key]}: {value} leaves {short(left)} times"
+        best = f"with {value} it is {short(left)} times"
+        text = f"{much}, most of it from loop.{key} {limits[key]}; {best}"
         yield "hint on claims", text
 
 
