@@ -134,7 +134,8 @@ class SerialPort:
 
     def _lost(self, err: OSError) -> str:
         if err.errno in _GONE:
-            return f"{self.path}: the adapter is gone ({err.strerror}); plug it in and run again"
+            why = f"the adapter was disconnected ({err.strerror})"
+            return f"{self.path}: {why}; plug it in and run again"
         return f"{self.path}: {err.strerror}"
 
 

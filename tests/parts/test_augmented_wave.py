@@ -86,7 +86,7 @@ def test_an_axis_that_takes_velocity_is_refused() -> None:
     plugin = with_augmentation(registry.load_coupling("wave"), rig(0.5).coupling)  # type: ignore[arg-type]
     pair = rig(0.5).coupling.pairs["a"]
     axis = CoupledAxis(1e-3, 1.0, None, 0.0, 0.0, 0, 10.0)
-    with pytest.raises(ConfigError, match="force_gain wants axes that take effort"):
+    with pytest.raises(ConfigError, match="force_gain needs axes that take effort"):
         registry.load_named(plugin.end_constants)(pair, "slave", axis)
 
 

@@ -160,7 +160,7 @@ def test_a_far_side_that_is_silent_stands_and_one_that_stays_away_stops_the_run(
     assert np.ptp(far[late]) < 1e-9
     assert np.ptp(far[~late]) > 1e-2
     lost = run_rig(data("position", {}, {**silent, "lost_s": 0.05, "depth_s": 0.0}), raises=False)
-    assert "nothing was heard of it for 0.051 s" in str(lost.result.error)
+    assert "nothing was received from it for 0.051 s" in str(lost.result.error)
 
 
 def test_bare_over_a_network_nothing_is_certified() -> None:

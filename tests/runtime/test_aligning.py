@@ -162,7 +162,7 @@ def test_a_slave_that_moves_once_everything_let_go_is_not_engaged(
     assert done.words() == [("engage", "aligning"), ("blocked", "holding")]
     assert (
         done.control.journal.entries[-1].text
-        == "lever not aligned: it moved while everything let go"
+        == "lever not aligned: it moved while everything was released"
     )
 
 

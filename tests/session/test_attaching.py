@@ -304,7 +304,8 @@ def test_a_second_server_is_refused_and_a_dead_one_is_known(run: Any, tmp_path: 
         reported, summary, _ = run(rig, "--attach")
         assert reported.exit_code == 5
         assert (
-            f"process {child.pid} (tautwave sim) served its devices and is gone" in reported.stderr
+            f"process {child.pid} (tautwave sim) served its devices and has ended"
+            in reported.stderr
         )
         assert summary is None
         assert not left.exists()

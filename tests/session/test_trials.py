@@ -123,7 +123,7 @@ def test_a_study_goes_on_only_by_its_own_protocol_and_table(tmp_path: Path) -> N
     out = tmp_path / "out"
     done = trials(study(tmp_path), "--out", str(out))
     assert done.exit_code == 2
-    assert "trials: the input has ended, so nobody can answer" in done.output
+    assert "trials: the input has ended, so the question cannot be answered" in done.output
     done = trials(study(tmp_path, STUDY.replace("0.4", "0.5")), "--out", str(out))
     assert "trials: trial_s changed since this study began" in done.output
     for junk in ("foo\n", ",".join(FIRST) + "\nP1,first,near,1,,,\n", "\0"):

@@ -127,7 +127,7 @@ def sentences(one: Outcome, two: Outcome) -> tuple[str, str]:
 
 def test_another_authority_is_refused_on_both_sides(listener: socket.socket, keys: Path) -> None:
     one, two = sentences(*meet(listener, serving(keys / "ours"), dialling(keys / "theirs")))
-    assert "it does not know the authority of our certificate" in one
+    assert "it does not trust the authority of our certificate" in one
     assert "its certificate is not of our authority" in two
 
 

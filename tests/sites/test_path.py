@@ -155,7 +155,7 @@ def test_no_datagrams_are_a_sentence(
 ) -> None:
     monkeypatch.setattr(probe, "SILENCE_S", 0.2)
     monkeypatch.setattr(path, "DataPort", Mute)
-    with pytest.raises(LinkError, match="no datagram of the other site came for"):
+    with pytest.raises(LinkError, match="no datagram from the other site arrived for"):
         run_test(served[0], keys, "master", "slave", Asked(100.0, 1.0))
     # so that the fixture's one test takes place
     monkeypatch.undo()

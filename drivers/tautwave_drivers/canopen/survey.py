@@ -36,7 +36,7 @@ def _places() -> Sequence[Mapping[str, Any]]:
 
 def _propose(options: ScanOptions, rows: Sequence[Mapping[str, Any]]) -> Sequence[FoundBus]:
     answering = [row for row in rows if "vendor" in row]
-    notes = [f"node {row['node']} was heard, but does not answer: left out" for row in rows]
+    notes = [f"node {row['node']} sends, but does not respond: left out" for row in rows]
     notes = [note for note, row in zip(notes, rows, strict=True) if row not in answering]
     if not answering:
         return []

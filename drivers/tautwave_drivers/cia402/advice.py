@@ -72,9 +72,9 @@ def silence_text(name: str, sent: int, cycles: int) -> str:
 
 
 def fall_text(name: str, statusword: int, error_code: int) -> str:
-    """Return the message for a drive that left OPERATION ENABLED by itself."""
+    """Return the message for a drive that left OPERATION ENABLED on its own."""
     state = decode(statusword)
-    text = f"{name} left OPERATION ENABLED by itself and is in {status_text(statusword)}"
+    text = f"{name} left OPERATION ENABLED on its own and is in {status_text(statusword)}"
     if error_code:
         text += f", error {error_text(error_code)}"
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):

@@ -76,7 +76,9 @@ class MasterPort:
         world.advance(self._clock.now_ns())
         ails = world.port_fault(self._port)
         if ails == "bus_down":
-            raise DriverError("the CAN interface is gone or down; look at the cable and `ip link`")
+            raise DriverError(
+                "the CAN interface is down or was removed; check the cable and `ip link`"
+            )
         if ails == "bus_off":
             raise DriverError(
                 "the CAN controller is bus-off: its frames were destroyed again and again; look "

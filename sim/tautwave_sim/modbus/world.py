@@ -77,7 +77,7 @@ class ModbusSimulator:
         if self._line is not None:
             self._line.advance(self._clock.now_ns())
             if not self._line.plugged:
-                raise DriverError(f"{self._name}: the serial adapter is gone; plug it in")
+                raise DriverError(f"{self._name}: the serial adapter was disconnected; plug it in")
             return MemoryPort(self._line, self._clock, self._name)
         side = self._sides.get(endpoint)
         now_ns = self._clock.now_ns()

@@ -193,7 +193,9 @@ def lanes(as_json: bool) -> None:
 @recordings_option("; without it hands are multisines.")
 @click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
 @click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
-@click.option("--hold", type=Number(10.0, 86400.0), help="Only hold a force, so many s.")
+@click.option(
+    "--hold", type=Number(10.0, 86400.0), help="Only hold a force, for this many seconds."
+)
 @out_option("Directory for the picture of a held force; default: none.")
 @json_option
 def port(hold: float | None, as_json: bool, **given: Any) -> None:
@@ -281,7 +283,7 @@ def link(duration: float, rate: float, as_json: bool) -> None:
     print_suites([_backend().link(duration_s=duration, rate_hz=rate, tell=_tell)], as_json)
 
 
-@bench.command(short_help="A run with bridges beside it, stopped in turns: lateness, CPU.")
+@bench.command(short_help="A run with and without bridges, in turns: lateness, CPU.")
 @duration_option
 @json_option
 def view(duration: float, as_json: bool) -> None:

@@ -68,7 +68,7 @@ _NOT_NOISE = (
 @click.option(
     "--intent",
     metavar="COLUMN",
-    help="RECORDING: column of the position that a hand wanted; the result is its grip.",
+    help="RECORDING: column of the position that the hand intended; the result is its grip.",
 )
 @out_option("Output directory, new or empty; default: runs/identify-NAME-DATE-TIME.")
 @json_option

@@ -192,5 +192,5 @@ jobs_option = click.option(
 keep_option = click.option(
     "--keep",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="File of what is done of the random part, from which an interrupted run resumes.",
+    help="File of the finished random cases, from which an interrupted run resumes.",
 )

@@ -67,10 +67,10 @@ def serve(directory: Path, site: str, peer: str, bind: str, port: int, once: boo
     help="Datagrams a second each way [Hz].",
 )  # fmt: skip
 @click.option("--duration", type=Number(1.0, 3600.0), default=10.0, show_default=True, help="[s]")
-@click.option("--rig", type=PATH, help="Say what the delay means for this rig's pairs.")
+@click.option("--rig", type=PATH, help="Show what the delay means for this rig's pairs.")
 @click.option(
     "--record", type=PATH, metavar="FILE",
-    help="Write what came from there: a CSV of time_s, delay_s, lost.",
+    help="Write what was received to a CSV file: time_s, delay_s, lost.",
 )  # fmt: skip
 @json_option
 def test(
@@ -126,9 +126,9 @@ def _compliance(rig: Any, delay: float) -> Iterator[str]:
             )
 
 
-@click.group("keys", short_help="Make the keys with which two sites know each other.")
+@click.group("keys", short_help="Create the keys with which two sites authenticate each other.")
 def keys() -> None:
-    """Make the keys with which two sites know each other.
+    """Create the keys with which two sites authenticate each other.
 
     \b
     Examples:

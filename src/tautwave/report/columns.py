@@ -91,7 +91,7 @@ SECTIONS = {
             "rad, m",
             "over a network: motion of the other side that is still to come, in the master's units",
         ),
-        Column("SIDE.AXIS.link_silence", "s", "over a network: since the last packet came"),
+        Column("SIDE.AXIS.link_silence", "s", "over a network: since the last packet arrived"),
         Column("SIDE.AXIS.link_lost", "", "over a network: packets lost on the way here, so far"),
         Column(
             "SIDE.AXIS.link_cut",
@@ -118,13 +118,13 @@ SECTIONS = {
         Column(
             "SIDE.AXIS.answer_us",
             "µs",
-            "CANopen, Modbus: from SYNC or request to the answer; NaN where none came",
+            "CANopen, Modbus: from SYNC or request to the response; NaN if none arrived",
         ),
     ),
     "One of two sites": (
         Column("link.session", "", "number of the session, from 1 on"),
         Column("link.slot", "", "own slot of the session, from 0 on; -1: not engaged"),
-        Column("link.silence_s", "s", "since a packet of the other site came"),
+        Column("link.silence_s", "s", "since a packet from the other site arrived"),
         Column("link.holding", "0, 1", "whether it holds, for lack of the other site"),
         Column("link.delay_s", "s", "one way of the newest packet, to half a round trip"),
         Column("link.aligning", "0, 1", "whether slaves are brought into place, or wait there"),

@@ -50,7 +50,7 @@ def receiver_words(rig: Rig) -> str:
     if coupling_part(rig).carries != "waves":
         words = "the newest state of the other side counts"
     elif link.play_out == "newest":
-        words = "what came last is played out"
+        words = "the newest packet is played out"
     elif link.depth_s == AUTO:
         words = f"played out as deep as 99 % of the delays need, up to {1e3 * link.deepest_s:g} ms"
     else:

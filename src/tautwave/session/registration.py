@@ -115,7 +115,8 @@ def find_server(rig: Rig) -> Server | None:
         path.unlink(missing_ok=True)
     if dead is not None:
         raise DriverError(
-            f"{rig.name}: --attach: {dead.describe()} served its devices and is gone; {start(rig)}"
+            f"{rig.name}: --attach: {dead.describe()} served its devices and has ended; "
+            f"{start(rig)}"
         )
     return None
 

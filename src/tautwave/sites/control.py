@@ -215,7 +215,7 @@ def accept(
         where = "{}:{}".format(*connection.getpeername()[:2])
     except OSError as err:
         connection.close()
-        raise LinkError(f"somebody dialled and went at once ({err.strerror})") from err
+        raise LinkError(f"a peer connected and disconnected immediately ({err.strerror})") from err
     connection.settimeout(PATIENCE_S)
     spare = connection.dup()  # TLS closes its own on a failure
     try:
@@ -346,14 +346,14 @@ def _is_refusal(err: BaseException | None) -> bool:
 
 
 ALERTS = {
-    "UNKNOWN_CA": "it does not know the authority of our certificate; both need the same "
+    "UNKNOWN_CA": "it does not trust the authority of our certificate; both need the same "
     "authority.pem",
     "CERTIFICATE_EXPIRED": "it says that our certificate has expired; make new keys",
     "CERTIFICATE_REQUIRED": "it requires a certificate and got none",
     "BAD_CERTIFICATE": "it refused our certificate: another name than it expects",
     "PEER_DID_NOT_RETURN_A_CERTIFICATE": "it has no certificate",
     "WRONG_VERSION_NUMBER": "it does not speak TLS",
-    "HTTP_REQUEST": "it does not speak TLS 1.3, but HTTP",
+    "HTTP_REQUEST": "it speaks HTTP instead of TLS 1.3",
     "UNSUPPORTED_PROTOCOL": "it does not speak TLS 1.3",
     "UNEXPECTED_EOF": "closed the connection during the handshake",
 }

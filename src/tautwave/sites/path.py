@@ -141,7 +141,7 @@ def _asked(facts: Any) -> Asked:
     try:
         asked = Asked(float(facts["rate_hz"]), float(facts["duration_s"]))
     except (KeyError, TypeError, ValueError) as err:
-        raise LinkError("the other site did not say at which rate and for how long") from err
+        raise LinkError("the other site stated neither rate nor duration") from err
     if not (1.0 <= asked.rate_hz <= 10000.0 and 1.0 <= asked.duration_s <= 3600.0):
         raise LinkError(f"the other site requested {asked.rate_hz:g} Hz, {asked.duration_s:g} s")
     return asked
@@ -180,8 +180,8 @@ def table(found: Found, site: str, peer: str) -> Iterator[str]:
         f"+-{1e3 * found.back.unknown:.3g} ms (half the round trips)"
     )
     yield (
-        f"play-out: {1e3 * found.depth_s:.3g} ms takes in 99 % of the worse way, a line of "
-        f"{1e3 * found.delay_s:.3g} ms each way; a force F stands off by F tau / b"
+        f"play-out: {1e3 * found.depth_s:.3g} ms covers 99 % of the worse direction, a line of "
+        f"{1e3 * found.delay_s:.3g} ms each way; a force F leaves an offset of F tau / b"
     )
 
 

@@ -111,7 +111,7 @@ def probe(port: DataPort, rate_hz: float, duration_s: float) -> Heard:
             return Heard(tuple(arrivals), best, sent)
         if sent < count and now - heard_ns > SILENCE_S * 1e9:
             raise LinkError(
-                f"no datagram of the other site came for {SILENCE_S:g} s; look at the UDP port "
+                f"no datagram from the other site arrived for {SILENCE_S:g} s; check the UDP port "
                 "(firewall, forwarding)"
             )
 
@@ -125,7 +125,7 @@ def way_of(heard: Heard, sent: int) -> Way:
         Nothing came at all.
     """
     if not heard.arrivals or not heard.best:
-        raise LinkError("no datagram of the other site came; look at the UDP port")
+        raise LinkError("no datagram from the other site arrived; check the UDP port")
     delays = delays_of(heard)
     ordered = sorted(delays)
     numbers = [one.number for one in heard.arrivals]

@@ -41,7 +41,7 @@ DRIVE_FAULTS = {
         {"mode_lost_at_s": AT_S},
         "changed from CST cyclic synchronous torque to no mode",
     ),
-    "voltage": ({"voltage_off_at_s": AT_S}, "left OPERATION ENABLED by itself"),
+    "voltage": ({"voltage_off_at_s": AT_S}, "left OPERATION ENABLED on its own"),
     "silent": ({"silent_at_s": AT_S}, "heartbeat lost"),
 }
 

@@ -184,7 +184,7 @@ def test_a_port_that_is_closed_has_no_descriptor_of_somebody_else() -> None:
     port.close()
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.fstat(port.fileno())
-    gone = f"{path}: the adapter is gone (Bad file descriptor); plug it in and run again"
+    gone = f"{path}: the adapter was disconnected (Bad file descriptor); plug it in and run again"
     for use in (port.read, lambda: port.write(b"x")):
         with pytest.raises(DriverError) as refused:
             use()

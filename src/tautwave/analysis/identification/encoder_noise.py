@@ -76,7 +76,9 @@ def fit_noise(position: Array, period: float, known: NDArray[np.bool_]) -> Noise
     """
     count = int(np.count_nonzero(known))
     if count < LEAST_SAMPLES:
-        raise ValueError(f"{count} samples are too few to tell noise; {LEAST_SAMPLES} are needed")
+        raise ValueError(
+            f"{count} samples are too few to estimate noise; {LEAST_SAMPLES} are needed"
+        )
     values = position[known]
     step, levels = lattice(values)
     if levels == 1:

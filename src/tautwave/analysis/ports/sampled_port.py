@@ -72,7 +72,7 @@ def sampled_response(
         An end does not say what a force from outside does to it.
     """
     if ends[0].push is None or ends[1].push is None:
-        raise ConfigError("the law's linear model does not say what a push from outside does")
+        raise ConfigError("the law's linear model has no input for an external force")
 
     def response(s: Complexes) -> Hybrid:
         s = np.asarray(s, np.complex128)

@@ -28,7 +28,7 @@ from tautwave.kinds import RECORDING, RUN
 )
 @click.option("--columns", metavar="A,B", help="Tables: only these columns; default: all.")
 @click.option("--fps", type=click.IntRange(1), help="LeRobot: frames a second; default: 30.")
-@click.option("--task", metavar="TEXT", help="LeRobot: what was done, where no episode says.")
+@click.option("--task", metavar="TEXT", help="LeRobot: the task of episodes that name none.")
 @click.option("--velocities", is_flag=True, help="LeRobot: the action has velocities, too.")
 @click.option(
     "--missing",

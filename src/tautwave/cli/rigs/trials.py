@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--participant", required=True, metavar="NAME", help="The participant, one word.")
 @out_option("Directory of runs and table; default: runs/NAME-OF-THE-PROTOCOL.")
 @click.option("--list", "only_list", is_flag=True, help="Show the participant's order, and end.")
-@click.option("--yes", is_flag=True, help="Begin each trial at once, and ask nothing.")
+@click.option("--yes", is_flag=True, help="Begin each trial immediately, without asking.")
 @clock_option()
 @simulate_option
 @as_for_run("--attach", "--allow-unwatched")
@@ -87,7 +87,7 @@ def trials(
         table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))
     except click.Abort as err:
         raise ConfigError(
-            "trials: the input has ended, so nobody can answer; run the same command "
+            "trials: the input has ended, so the question cannot be answered; run the same command "
             "to continue, or use --yes"
         ) from err
     count = f"{len(order)} trial{'s'[: len(order) != 1]}"

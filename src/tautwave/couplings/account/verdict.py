@@ -27,7 +27,7 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
     seconds = rig.claimed_s
     broken = (broken_inertia(rig, axis_name), broken_delay(rig, axis_name, delays[axis_name]))
     reason = (
-        f"{name}: passive by account: whatever the law asks for, in {seconds:g} s it gives out at "
+        f"{name}: passive by account: whatever the law commands, in {seconds:g} s it gives out at "
         f"most {joules(claim.seen(seconds))} as its encoder sees it (reserve and "
         f"debt {joules(2.0 * claim.reserve)}, {joules(claim.under_way)} under way, "
         f"{watts(claim.leak)}), {joules(claim.true(seconds))} in fact, if the noise is white "

@@ -196,8 +196,8 @@ law = Law(
         ),
         LIMP: _limp(
             "though its encoder is no noisier than declared: it is moved harder than its leak is "
-            "made for, too many slots had no sample, or its motor does not do what it is asked "
-            "for; look at the limits, the effort_quantum and the inertia that the rig states"
+            "made for, too many slots had no sample, or its motor does not follow its "
+            "commands; check the limits, the effort_quantum and the inertia that the rig states"
         ),
         LIMP_NOISY: _limp(
             "for its positions jump more than the leak is for, in the last second as noise of "

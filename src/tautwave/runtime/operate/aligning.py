@@ -143,9 +143,8 @@ class Alignment:
         """Say why the pairs `names` cannot engage."""
         far = [k for k in self.pulls if not self._there(k)]
         if self.let_go and (gone := self._astray()):
-            return (
-                f"{', '.join(names[k] for k in gone)} not aligned: it moved while everything let go"
-            )
+            moved = ", ".join(names[k] for k in gone)
+            return f"{moved} not aligned: it moved while everything was released"
         for k, why in self._refused.items():
             return f"{names[k]} not aligned: {why}"
         for axis, s, p in zip(axes, self._axes, params, strict=True):

@@ -136,7 +136,7 @@ def _identity(asked: Acceptance, done: Guided, talk: Conversation) -> Iterator[C
         talk.say(f"  {note}")
     for name in asked.axes:
         said = dict(done.identities.get(name, {}))
-        yield Check("identity", name, dict(said), "opened, and what the rig says", True)
+        yield Check("identity", name, dict(said), "opened, and compared with the rig", True)
 
 
 def _watchdog(rig: Rig, talk: Conversation, out: Path, ways: Ways) -> Iterator[Check]:

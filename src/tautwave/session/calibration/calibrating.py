@@ -188,7 +188,7 @@ def _identify(
         rig,
         lambda control: control.ask(
             "identify: bring every axis to the middle of its range, let go of everything, keep "
-            "clear; then Enter: each is shaken in turn"
+            "clear; then press Enter: each is excited in turn"
         ),
         talk,
         out=out / "middle",

@@ -136,7 +136,7 @@ def _doubts(series: Series, fit: NoiseFit) -> list[str]:
     if fit.lag_error > GREATEST_ERROR:
         notes.append(f"Doubtful: the lags are known to {fit.lag_error:.2g} only; record longer.")
     if fit.quantum == 0.0:
-        notes.append("The values have no step that matters beside the noise.")
+        notes.append("Any step of the values is hidden by the noise.")
     return notes
 
 

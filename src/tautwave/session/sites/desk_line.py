@@ -20,7 +20,7 @@ MOST_NOTES = 50
 """Of a session: anybody who reaches the port causes them."""
 LONGEST_REASON = 2000
 """Characters of a reason, which has to fit into a message."""
-DIED = "the process beside the loop, which keeps the session, has ended"
+DIED = "the session's process beside the loop has ended"
 
 
 class Leaving(ABC):

@@ -34,7 +34,7 @@ class Protocol(Block):
         " in random order. The seed and the participant's name decide.",
     )
     seed: int = Field(default=0, description="Of the order.")
-    trial_s: Positive = Field(description="[s] After which a trial ends by itself.")
+    trial_s: Positive = Field(description="[s] After which a trial ends on its own.")
     break_every: Annotated[int, Field(ge=0)] = Field(
         default=0, description="Trials between breaks; 0: no breaks."
     )

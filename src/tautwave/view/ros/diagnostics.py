@@ -131,5 +131,5 @@ def _pair(name: str, row: Mapping[str, float]) -> DiagnosticStatus:
 def _link(row: Mapping[str, float]) -> DiagnosticStatus:
     holding = bool(row.get("link.holding"))
     values = {name: value for name, value in row.items() if name.startswith("link.")}
-    message = "holds: the other site is not heard" if holding else "the other site is heard"
+    message = "holding: nothing from the other site" if holding else "the other site is heard"
     return _status(WARN if holding else OK, "link", message, values)

@@ -137,7 +137,7 @@ def augmented_constants(pair: WavePair, side: str, axis: CoupledAxis) -> Any:
     """
     if axis.inertia is None:
         raise ConfigError(
-            f"law wave: force_gain wants axes that take effort, and the {side}'s takes velocity; "
+            f"law wave: force_gain needs axes that take effort, and the {side}'s takes velocity; "
             "leave it out"
         )
     given = end_constants(pair, side, axis)

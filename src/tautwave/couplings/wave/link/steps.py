@@ -302,7 +302,7 @@ law = line_law._replace(
         PEER_LOST: Guard(
             "peer_lost",
             "lost the other side",
-            "nothing was heard of it for {found:.3g} s (link.lost_s: {allowed:.3g})",
+            "nothing was received from it for {found:.3g} s (link.lost_s: {allowed:.3g})",
         ),
     },
     rings=0,
