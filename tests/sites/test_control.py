@@ -179,7 +179,7 @@ def test_what_is_no_tls_is_refused(listener: socket.socket, keys: Path) -> None:
                 plain.recv(100)
 
     one, _ = meet(listener, serving(keys / "ours"), shout)
-    assert "it does not speak TLS" in str(one)
+    assert "it speaks HTTP instead of TLS 1.3" in str(one)
 
 
 def test_rigs_that_differ_are_refused_key_by_key(listener: socket.socket, keys: Path) -> None:
