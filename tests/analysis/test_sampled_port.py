@@ -142,5 +142,5 @@ def test_the_hold_of_a_stiff_pair_fails_llewellyn_where_the_continuous_one_passe
 
 def test_an_end_without_push_is_refused() -> None:
     ends, bodies = position_ends(Rig(0.4, 1.0, 0.6, 2.0, 300.0, 7.0), 1e-3)
-    with pytest.raises(ConfigError, match="push"):
+    with pytest.raises(ConfigError, match="external force"):
         sampled_response((ends[0]._replace(push=None), ends[1]), bodies, 0, 1e-3)

@@ -147,7 +147,7 @@ def test_a_peer_that_stays_away_ends_the_run() -> None:
     data = tree(HELD, link(outage_at_s=0.1, outage_s=9.0, lost_s=0.2), {"duration_s": 1.2})
     with pytest.raises(
         SafetyStop,
-        match=r"lost the other side at .* heard of it for 0\.2\d* s \(link\.lost_s: 0\.2\)",
+        match=r"lost the other side at .* received from it for 0\.2\d* s \(link\.lost_s: 0\.2\)",
     ):
         run_rig(data)
     stopped = run_rig(data, raises=False)

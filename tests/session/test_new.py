@@ -205,7 +205,7 @@ def test_a_drives_own_numbers_are_taken() -> None:
     assert device.options["gear_ratio"] == 5.0
     assert device.axis["effort_limit"].value == pytest.approx(3.2)
     assert device.axis["velocity_limit"].value == pytest.approx(62.8)  # 3000 rpm behind the gear
-    assert any("node 6 was heard" in note for note in found.notes)
+    assert any("node 6 sends" in note for note in found.notes)
     assert not any("guess" in note for note in found.notes)
 
 

@@ -213,7 +213,7 @@ def test_an_adapter_is_unplugged_and_plugged_in_again() -> None:
     for _ in range(2):
         with pytest.raises(DriverError, match="unplugged"):
             bench.ask(read(0))
-    with pytest.raises(DriverError, match="adapter is gone"):
+    with pytest.raises(DriverError, match="adapter was disconnected"):
         bench.simulator.port("")
     bench.until(bench.clock.now_ns() + 200_000_000)
     bench.port = bench.simulator.port("")
