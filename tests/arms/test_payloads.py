@@ -138,6 +138,7 @@ def test_wrong_payloads_are_refused(more: list[str], said: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_a_payload_that_is_not_there_lifts_the_arm_by_what_the_coupling_gives_way() -> None:
     """0.2 kg hang at the tip, as believed, until people say that it holds 0.6."""

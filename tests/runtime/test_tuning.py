@@ -199,6 +199,7 @@ def test_a_filter_is_lowered_while_it_runs_and_the_books_close() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_compiled_controller_is_tuned_to_the_bit() -> None:
     pytest.importorskip("numba")
     ceiling = "slave.axes.lever.effort_limit"
