@@ -76,6 +76,18 @@ def test_energy_changes_by_the_work_done_and_nothing_else(plant: PlantParams) ->
     assert worst < 1e-11
 
 
+@pytest.mark.parametrize(("stiffness", "damping"), [(2e5, 0.0), (2e5, 60.0), (300.0, 2000.0)])
+def test_a_wall_far_stiffer_than_the_step_gives_out_nothing(
+    stiffness: float, damping: float
+) -> None:
+    """A step that comes or goes has one solution, whatever h h k / m and h d / m are."""
+    chain = chain_of(4, 3)
+    plant = BARE._replace(mass=2e-3, wall_stiffness=stiffness, wall_damping=damping)
+    x, _, worst = run(chain, plant._replace(wall_position=0.3), 400, 1e-3, effort=0.5)
+    assert worst < 1e-9
+    assert max(x) < 0.35
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_energy_of_longer_chains_over_a_longer_time(seed: int) -> None:

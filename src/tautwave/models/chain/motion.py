@@ -207,22 +207,32 @@ def _external(
     if p.spring_stiffness > 0.0:
         held -= p.spring_stiffness * (x - p.spring_position)
     if p.wall_stiffness > 0.0 or p.wall_damping > 0.0:
-        first = p.wall_side * (x - p.wall_position)
-        last = p.wall_side * (end - p.wall_position)
-        if first > 0.0 and last > 0.0 and _push(p, x, end, h) > 0.0:
-            held -= p.wall_side * p.wall_stiffness * first
-            slope += 0.5 * h * p.wall_stiffness + p.wall_damping
-        else:
-            held -= p.wall_side * _push(p, x, end, h)
+        push, rise = _push(p, x, end, h)
+        # Linear about the end so far: fixed points alone run away where h h k or h d exceeds m.
+        held -= p.wall_side * push + rise * (x - end)
+        slope += h * rise
     return held, slope
 
 
-def _push(p: PlantParams, x: float, end: float, h: float) -> float:
-    """Return the mean push of the wall, spring and damper: it never pulls [N m or N]."""
-    push = _wall(p, x, end)
-    if push > 0.0:
-        push += p.wall_damping * p.wall_side * (end - x) / h
-    return max(push, 0.0)
+def _push(p: PlantParams, x: float, end: float, h: float) -> tuple[float, float]:
+    """Return the mean push of the wall, spring and damper, and how it rises with the way in.
+
+    It never pulls, and the damper acts on the part of the way that is in the wall: so the push
+    [N m or N] is convex in the end, and its slope [N m/rad or N/m] never below 0.
+    """
+    first = p.wall_side * (x - p.wall_position)
+    last = p.wall_side * (end - p.wall_position)
+    before = max(first, 0.0)
+    deep = max(last, 0.0)
+    push = _wall(p, x, end) + p.wall_damping * (deep - before) / h
+    if push <= 0.0:
+        return 0.0, 0.0
+    rise = p.wall_damping / h if last > 0.0 else 0.0
+    if (first > 0.0 and last > 0.0) or last == first:
+        return push, rise + 0.5 * p.wall_stiffness
+    way = last - first
+    grown = 2.0 * deep * way - (deep * deep - before * before)
+    return push, rise + 0.5 * p.wall_stiffness * grown / (way * way)
 
 
 def _flows(
@@ -243,7 +253,7 @@ def _flows(
     push = 0.0
     wall = 0.0
     if p.wall_stiffness > 0.0 or p.wall_damping > 0.0:
-        push = _push(p, x, end, h)
+        push, _ = _push(p, x, end, h)
         wall = _wall(p, x, end)
     rubbed = p.coulomb * abs(moved)
     viscous = p.viscous * mean * moved
