@@ -250,12 +250,24 @@ def test_shipped_rigs_move_and_their_books_close() -> None:
 
 
 DISC = "buses.hand.options.walls.disc"
+OWN, TRUE = "buses.hand.options.chain", "buses.hand.options.truth.chain"
 WRONG = (
     ("master.axes.x.id=7", "an axis of an arm is 1, 2, 3 (x, y, z of its tip)"),
     ("master.axes.x.id=4", "coordinate rx of an arm is rotary, got linear"),
     ("buses.hand.options.home=[0.0]", "home needs a position for each joint"),
     ("buses.hand.options.home=[0.0, 3.0]", "joint elbow: home is not in its position_range"),
     ("buses.hand.options.chain.dh=[{a: 0.1}]", "the chain has 1 joints"),
+    (f"{OWN}.dh=[{{a: 0.1}}, {{inertia: [1, 1, -1, 0, 0, 0]}}]", "chain.dh.1.inertia: no body"),
+    (f"{TRUE}={{dh: [{{a: 0.1}}]}}", "the truth.chain has 1 joints, `joints` names 2"),
+    (f"{TRUE}={{urdf: nowhere.urdf}}", "nowhere.urdf: no such file"),
+    (
+        f"{TRUE}={{dh: [{{}}, {{inertia: [1, 1, -1, 0, 0, 0]}}]}}",
+        "truth.chain.dh.1.inertia: no body has this inertia",
+    ),
+    (
+        f"{TRUE}={{dh: [{{}}, {{kind: prismatic}}]}}",
+        "joint elbow: in truth.chain it slides, in chain it turns",
+    ),
     ("buses.hand.options.truth.joints.knee={}", "truth names no joint of the arm: knee"),
     ("buses.hand.options.walls.disc.size=[1, 1, 1]", "size means nothing for cylinder"),
     (

@@ -14,7 +14,7 @@ from tautwave.config.keys.arm import Chain, Point
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError, TautwaveError
-from tautwave.models.chain.build import roll_pitch_yaw
+from tautwave.models.chain.build import is_inertia, roll_pitch_yaw
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.chain.task import COORDINATES, TaskParams, at_home
 from tautwave.registry import load_driver
@@ -115,17 +115,16 @@ class ArmOptions(Block):
 
     @model_validator(mode="after")
     def _check_chain(self) -> Self:
-        try:
-            links, _ = chain_links(self.chain)
-        except ConfigError as err:
-            raise PydanticCustomError("chain", "{text}", {"text": str(err)}) from err
-        moving = [link for link in links if link.kind != "fixed"]
-        if len(moving) != len(self.joints):
-            raise PydanticCustomError(
-                "chain",
-                "the chain has {rows} joints, `joints` names {names}",
-                {"rows": len(moving), "names": len(self.joints)},
-            )
+        kinds = self._moving("chain", self.chain)
+        if self.truth.chain is not None:
+            true = self._moving("truth.chain", self.truth.chain)
+            for name, believed, kind in zip(self.joints, kinds, true, strict=True):
+                if believed != kind:
+                    raise PydanticCustomError(
+                        "chain",
+                        "joint {name}: in truth.chain it {true}, in chain it {believed}",
+                        {"name": name, "true": kind, "believed": believed},
+                    )
         if self.home is not None and len(self.home) != len(self.joints):
             raise PydanticCustomError("chain", "home needs a position for each joint")
         unknown = [name for name in self.truth.joints if name not in self.joints]
@@ -140,6 +139,28 @@ class ArmOptions(Block):
                     "chain", "joint {name}: home is not in its position_range", {"name": name}
                 )
         return self
+
+    def _moving(self, place: str, keys: Chain) -> list[str]:
+        """Return the kinds of the joints of a chain, which have to be as many as are named."""
+        for number, row in enumerate(keys.dh or ()):
+            if not is_inertia(*row.inertia):
+                raise PydanticCustomError(
+                    "chain",
+                    "{place}.dh.{number}.inertia: no body has this inertia",
+                    {"place": place, "number": number},
+                )
+        try:
+            links, _ = chain_links(keys)
+        except ConfigError as err:
+            raise PydanticCustomError("chain", "{text}", {"text": str(err)}) from err
+        kinds = [link.kind for link in links if link.kind != "fixed"]
+        if len(kinds) != len(self.joints):
+            raise PydanticCustomError(
+                "chain",
+                "the {place} has {rows} joints, `joints` names {names}",
+                {"place": place, "rows": len(kinds), "names": len(self.joints)},
+            )
+        return kinds
 
     @model_validator(mode="after")
     def _check_bus(self) -> Self:
