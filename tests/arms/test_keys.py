@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import pytest
@@ -112,6 +113,7 @@ WRONG = (
         ":21: joint 'glue' branches off at link 'upper': only serial chains are read",
     ),
     ('xyz="0 2 0"', 'xyz="0 0 0"', ":12: joint 'shoulder': its axis has no direction"),
+    ('xyz="0 2 0"', 'xyz="0 1.7e308 1.7e308"', "joint 'shoulder': its axis has no direction"),
     ('lower="-1"', 'lower="2"', "joint 'shoulder': its lower limit 2 is above its upper 1.5"),
     ('<link name="base"/>', '<link name="base"/><link name="spare"/>', "link 'spare' is joined to"),
 )
@@ -129,6 +131,21 @@ def test_what_is_no_serial_chain_is_refused_by_name(
     assert problem.startswith(f"{path}:")
     assert said in problem
     assert "\n" not in problem
+
+
+def test_a_file_of_thousands_of_links_is_read_at_once(tmp_path: Path) -> None:
+    """Time grows with their number, not with its square: which took ten seconds."""
+    count = 30_000
+    links = "".join(f'<link name="l{n}"/>' for n in range(count + 1))
+    joints = "".join(
+        f'<joint name="j{n}" type="{"revolute" if n == 0 else "fixed"}">'
+        f'<parent link="l{n}"/><child link="l{n + 1}"/></joint>'
+        for n in range(count)
+    )
+    began = time.process_time()
+    found = read_urdf(written(tmp_path, f'<robot name="long">{links}{joints}</robot>'))
+    assert time.process_time() - began < 4.0
+    assert [link.name for link in found.links] == ["j0"]
 
 
 def test_a_chain_that_does_not_move_and_a_tip_that_is_missing(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
     robot = reader.tree()
     links = reader.by_name(robot.all("link"))
     if not links:
-        raise reader.wrong(robot.line, "has no <link>")
+        raise reader.wrong(robot.line, "has no <link>; xacro has to be run first")
     joints = [_joint(reader, node, links) for node in reader.by_name(robot.all("joint")).values()]
     below: dict[str, list[_Joint]] = {name: [] for name in links}
     above: dict[str, _Joint] = {}
@@ -92,8 +92,9 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
     order = roots[:1]
     for name in order:
         order += [joint.child for joint in below[name]]
+    reached = set(order)
     for joint in joints:
-        if joint.child not in order:
+        if joint.child not in reached:
             raise reader.wrong(
                 joint.node.line,
                 f"joint {joint.name!r} closes a loop; only serial chains are read",
@@ -196,7 +197,7 @@ def _axis(reader: UrdfReader, joint: _Joint) -> Vector:
     given = reader.one(joint.node, "axis")
     x, y, z = reader.vector(given, "xyz", (1.0, 0.0, 0.0))
     size = math.hypot(x, y, z)
-    if not size > 1e-6:
+    if not 1e-6 < size < math.inf:
         line = joint.node.line if given is None else given.line
         raise reader.wrong(line, f"joint {joint.name!r}: its axis has no direction")
     return x / size, y / size, z / size
