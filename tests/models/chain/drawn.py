@@ -50,8 +50,13 @@ def _link(rng: random.Random, name: str, kind: str) -> Link:
     return Link(name, kind, place, turn, axis, draw_body(rng))
 
 
-def pin_model(pin: Any, links: tuple[Link, ...], gravity: Vector) -> tuple[Any, int]:
-    """Return Pinocchio's model of a chain, and the number of its tip's frame."""
+def pin_model(
+    pin: Any,
+    links: tuple[Link, ...],
+    gravity: Vector,
+    tip: Body = Body(),  # noqa: B008  a constant
+) -> tuple[Any, int]:
+    """Return Pinocchio's model of a chain that holds a body, and the number of its tip's frame."""
     import numpy as np
 
     model = pin.Model()
@@ -73,5 +78,8 @@ def pin_model(pin: Any, links: tuple[Link, ...], gravity: Vector) -> tuple[Any, 
         parent = model.addJoint(parent, joint, place, link.name)
         model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
         place = pin.SE3.Identity()
+    if tip.mass > 0.0:
+        held = pin.Inertia(tip.mass, np.array(tip.centre), np.array(tip.inertia))
+        model.appendBodyToJoint(parent, held, place)
     frame = pin.Frame("tip", parent, place, pin.FrameType.OP_FRAME)
     return model, model.addFrame(frame)

@@ -13,7 +13,14 @@ from tautwave.bench import chains
 from tautwave.bench.chunks import Cost
 from tautwave.config.inputs.chains import chain_constants
 from tautwave.config.keys.arm import Chain, DhRow, Payload
-from tautwave.models.chain.build import Body, Link, build_chain, is_inertia, joined
+from tautwave.models.chain.build import (
+    Body,
+    Link,
+    build_chain,
+    is_inertia,
+    joined,
+    roll_pitch_yaw,
+)
 from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
 from tautwave.models.chain.inertia import (
     BASE,
@@ -24,7 +31,7 @@ from tautwave.models.chain.inertia import (
 )
 from tautwave.models.chain.kinematics import chain_frames, chain_jacobian, tip_pose
 from tautwave.models.load import LoadParams, load_effort, load_energy, load_stiffness
-from tests.models.chain.drawn import draw_chain
+from tests.models.chain.drawn import draw_body, draw_chain
 
 G = 9.81
 PLANAR = Chain(  # two links in a vertical plane, masses at their ends
@@ -76,6 +83,67 @@ def test_a_payload_weighs_where_it_is_held() -> None:
         weights.append(weight)
     more = [b - a for a, b in zip(*weights, strict=True)]
     assert more == pytest.approx([G * 0.4 * 0.6, G * 0.4 * 0.3], rel=1e-14)
+
+
+def test_a_tips_body_is_as_hard_to_turn_as_it_is_held() -> None:
+    """Its own inertia counts, turned with the flange: the tip's y axis is the joint's z."""
+    own = Body(1.0, (0.2, 0.0, 0.0), ((1e-3, 0, 0), (0, 1e-3, 0), (0, 0, 3e-3)))
+    held = Body(0.5, (0.1, 0.0, 0.0), ((1e-3, 0, 0), (0, 2e-3, 0), (0, 0, 2.5e-3)))
+    flange = Link("flange", "fixed", (0.3, 0.0, 0.0), roll_pitch_yaw(math.pi / 2, 0.0, 0.0))
+    chain = build_chain((Link("a", "turns", body=own), flange), (0.0, 0.0, -G), held)
+    frames = chain_frames(chain, (0.7,))
+    matrix, weight = [0.0], [0.0]
+    mass_matrix(chain, (0.7,), frames, chain_screws(frames), BASE, matrix, weight)
+    assert matrix[0] == pytest.approx(3e-3 + 0.2**2 + 2e-3 + 0.5 * 0.4**2, rel=1e-14)
+
+
+@pytest.mark.parametrize("ends", ["as drawn", "first slides", "last slides", "all slide"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_mass_matrix_is_the_sum_over_the_bodies(seed: int, ends: str) -> None:
+    """About any point, of one joint too; every number is filled whatever it was before."""
+    rng = random.Random(seed)
+    count = (1, 3, 5, 7)[seed]
+    links = list(draw_chain(rng, count))
+    moving = [k for k, link in enumerate(links) if link.kind != "fixed"]
+    slides = {"first slides": moving[:1], "last slides": moving[-1:], "all slide": moving}
+    for k in slides.get(ends, []):
+        links[k] = links[k]._replace(kind="slides")
+    chain = build_chain(tuple(links), (1.0, -2.0, -9.0), draw_body(rng))
+    q = [rng.uniform(-2.0, 2.0) for _ in range(count)]
+    frames = chain_frames(chain, q)
+    bodies, screws = chain_bodies(chain, frames), chain_screws(frames)
+    wanted = [
+        sum(shared(bodies[k], screws[i], screws[j]) for k in range(max(i, j), count))
+        for i in range(count)
+        for j in range(count)
+    ]
+    x, y, z = about = (0.4, -1.1, 0.7)
+    there = [
+        (a, b, c, u + b * z - c * y, v + c * x - a * z, w + a * y - b * x)
+        for a, b, c, u, v, w in screws
+    ]
+    held = [0.0] * count
+    potential = chain_gravity(chain, frames, held)
+    least = 1e-12 * max(map(abs, wanted))
+    for given, point in ((screws, BASE), (there, about)):
+        matrix, weight = [math.nan] * (count * count), [math.nan] * count
+        found = mass_matrix(chain, q, frames, given, point, matrix, weight)
+        assert matrix == pytest.approx(wanted, rel=1e-12, abs=least)
+        assert weight == pytest.approx(held, rel=1e-12, abs=1e-12 * G)
+        assert found == pytest.approx(potential, rel=1e-12, abs=1e-12 * G)
+
+
+def shared(body: Any, one: Any, other: Any) -> float:
+    """Return a body's momentum as the one screw moves it, along the other."""
+    m, sx, sy, sz, xx, yy, zz, xy, xz, yz = body
+    a, b, c, u, v, w = one
+    moment = (
+        xx * a + xy * b + xz * c + sy * w - sz * v,
+        xy * a + yy * b + yz * c + sz * u - sx * w,
+        xz * a + yz * b + zz * c + sx * v - sy * u,
+    )
+    push = (m * u + b * sz - c * sy, m * v + c * sx - a * sz, m * w + a * sy - b * sx)
+    return float(sum(p * s for p, s in zip((*moment, *push), other, strict=True)))
 
 
 @pytest.mark.parametrize("seed", range(6))

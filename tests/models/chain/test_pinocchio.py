@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.models.chain.build import build_chain
+from tautwave.models.chain.build import Body, build_chain
 from tautwave.models.chain.gravity import chain_gravity
 from tautwave.models.chain.inertia import (
     BASE,
@@ -18,7 +18,7 @@ from tautwave.models.chain.inertia import (
     mass_matrix,
 )
 from tautwave.models.chain.kinematics import chain_frames, chain_jacobian, fill_jacobian
-from tests.models.chain.drawn import draw_chain, pin_model
+from tests.models.chain.drawn import draw_body, draw_chain, pin_model
 
 GREATEST = 1e-12  # of the largest entry
 
@@ -32,11 +32,12 @@ def near(found: Any, wanted: Any, least: float = 1e-9) -> None:
 def compare(seed: int) -> None:
     pin: Any = pytest.importorskip("pinocchio")
     rng = random.Random(seed)
-    count = rng.randint(2, 7)
+    count = rng.randint(1, 7)
     links = draw_chain(rng, count)
+    tip_body = draw_body(rng) if rng.random() < 0.5 else Body()
     gravity = (rng.uniform(-10, 10), rng.uniform(-10, 10), rng.uniform(-10, 10))
-    chain = build_chain(links, gravity)
-    model, tip = pin_model(pin, links, gravity)
+    chain = build_chain(links, gravity, tip_body)
+    model, tip = pin_model(pin, links, gravity, tip_body)
     data = model.createData()
     q = [rng.uniform(-3.0, 3.0) for _ in range(count)]
     v = [rng.uniform(-2.0, 2.0) for _ in range(count)]
