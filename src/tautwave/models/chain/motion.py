@@ -33,7 +33,8 @@ CONVERGED = 1e-12
 
 
 LEAST = 1e-6
-"""Kinetic energy [J] below which the correction, of third order, is lost in rounding."""
+"""Twice the kinetic energy [J] of the mean speeds, below which the correction is left out: being of
+third order, it is lost in rounding."""
 
 
 class Placed(NamedTuple):
@@ -93,6 +94,9 @@ def chain_step(
     h: float,
 ) -> tuple[list[float], list[float], list[Flows]]:
     """Move a chain on by `h` [s] under constant efforts.
+
+    The energy balance is as exact as the iteration: where `ITERATIONS` do not suffice, which is
+    seen where joints turn by a tenth of a radian and more in a step, the last state stands.
 
     Parameters
     ----------

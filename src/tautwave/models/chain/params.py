@@ -15,8 +15,9 @@ class JointParams(NamedTuple):
 
     From the frame before: shift by `x, y, z` [m], turn about x by the angle whose cosine and sine
     are `ca, sa`, then about z by `offset` [rad], plus the joint's position where `turns`; else the
-    joint slides along z. The body has `mass` [kg], its centre at `cx, cy, cz` [m] in the joint's
-    frame, and the inertia about that frame's origin [kg m^2].
+    joint slides along z. The body has `mass` [kg], first moments `mx, my, mz` [kg m] in the
+    joint's frame, and the inertia about that frame's origin [kg m^2], `ixy` and so on as in the
+    matrix: minus the second moment.
     """
 
     ca: float
