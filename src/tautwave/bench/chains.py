@@ -13,7 +13,7 @@ from tautwave.bench.chunks import Work, calling, costs
 from tautwave.bench.result import Table, Value
 from tautwave.models.chain.build import Body, Link, build_chain, roll_pitch_yaw
 from tautwave.models.chain.gravity import chain_gravity
-from tautwave.models.chain.inertia import chain_screws, mass_matrix
+from tautwave.models.chain.inertia import mass_matrix
 from tautwave.models.chain.kinematics import chain_frames, chain_jacobian, fill_jacobian, tip_pose
 
 JOINTS = 7
@@ -55,7 +55,6 @@ FUNCTIONS: tuple[Callable[..., Any], ...] = (
     fill_jacobian,
     chain_jacobian,
     chain_gravity,
-    chain_screws,
     mass_matrix,
 )
 PARTS = (
