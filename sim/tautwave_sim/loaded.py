@@ -134,12 +134,11 @@ class ArmPhysics:
             pushed = self.outside.efforts(self._x, self._v, spans[0])
             efforts = [a + b for a, b in zip(efforts, pushed, strict=True)]
         guess = [2.0 * v - old for v, old in zip(self._v, self._before, strict=True)]
-        x, v, flows = chain_step(
+        x, v, flows, self._place = chain_step(
             self._chain, self._plants, self._place, self._x, self._v, guess,
             efforts, references, rates, spans[0],
         )  # fmt: skip
         self._before, self._x, self._v = self._v, x, v
-        self._place = place_chain(self._chain, self._plants, x)
         for joint, at, speed, flow in zip(self._joints, x, v, flows, strict=True):
             joint.take(at, speed, flow)
         self.show()

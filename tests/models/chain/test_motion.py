@@ -9,7 +9,13 @@ from typing import Any
 import pytest
 
 from tautwave.models.chain.build import Body, Link, build_chain
-from tautwave.models.chain.motion import Flows, chain_step, kinetic_energy, place_chain
+from tautwave.models.chain.motion import (
+    HALVINGS,
+    Flows,
+    chain_step,
+    kinetic_energy,
+    place_chain,
+)
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.plant import plant_cache, plant_step
 from tautwave.models.plant_params import PlantParams
@@ -34,6 +40,7 @@ def run(chain: ChainParams, plant: PlantParams, steps: int, h: float, **held: An
     before = list(v)
     reference, rate = held.get("reference", 0.2), held.get("rate", 0.0)
     efforts = [held.get("effort", 0.1)] * count
+    halvings = held.get("halvings", HALVINGS)
     here = place_chain(chain, plants, x)
     start = kinetic_energy(here.matrix, v) + here.potential
     total = [0.0] * len(Flows._fields)
@@ -43,9 +50,10 @@ def run(chain: ChainParams, plant: PlantParams, steps: int, h: float, **held: An
         guess = [2.0 * new - old for new, old in zip(v, before, strict=True)]
         before = v
         references, rates = [reference] * count, [rate] * count
-        x, v, flows = chain_step(chain, plants, here, x, v, guess, efforts, references, rates, h)
+        x, v, flows, here = chain_step(
+            chain, plants, here, x, v, guess, efforts, references, rates, h, halvings
+        )
         reference += rate * h
-        here = place_chain(chain, plants, x)
         for flow in flows:
             total = [a + b for a, b in zip(total, flow, strict=True)]
         books = Flows(*total)
@@ -88,6 +96,16 @@ def test_a_wall_far_stiffer_than_the_step_gives_out_nothing(
     assert max(x) < 0.35
 
 
+@pytest.mark.parametrize(("seed", "count", "h"), [(4, 4, 2e-3), (6, 4, 2e-3), (1, 7, 1e-3)])
+def test_a_step_that_does_not_settle_is_halved(seed: int, count: int, h: float) -> None:
+    """Springs that turn light joints by radians in a step: the books close all the same."""
+    chain = chain_of(seed, count)
+    plant = BARE._replace(mass=1e-3, spring_stiffness=2e5, spring_position=-0.1)
+    energy = 0.5 * 2e5 * sum((0.1 * i + 0.1) ** 2 for i in range(count))
+    assert run(chain, plant, 50, h)[2] < 1e-9 * energy
+    assert run(chain, plant, 50, h, halvings=0)[2] > 1e-2 * energy
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_energy_of_longer_chains_over_a_longer_time(seed: int) -> None:
@@ -120,7 +138,7 @@ def test_one_weightless_joint_is_the_exact_plant() -> None:
     here = place_chain(chain, (p,), at)
     for k in range(2000):
         x, v, mode, *_ = plant_step(whole, cache, x, v, mode, 0.1, 1e-4 * k * 0.3, 0.3, 1e-4)
-        at, speed, _ = chain_step(
+        at, speed, _, here = chain_step(
             chain, (p,), here, at, speed, speed, [0.1], [1e-4 * k * 0.3], [0.3], 1e-4
         )
     assert at[0] == pytest.approx(x, abs=1e-7)
@@ -136,7 +154,7 @@ def test_friction_holds_what_weighs_less_and_lets_go_what_weighs_more() -> None:
         x, v = [0.0], [0.0]
         for _ in range(20):
             here = place_chain(chain, (p,), x)
-            x, v, flows = chain_step(chain, (p,), here, x, v, v, [0.0], [0.0], [0.0], 1e-3)
+            x, v, flows, _ = chain_step(chain, (p,), here, x, v, v, [0.0], [0.0], [0.0], 1e-3)
         assert (x[0] != 0.0) == moves
     assert flows[0].coulomb_loss == pytest.approx(p.coulomb * v[0] * 1e-3, rel=0.1)
     assert math.copysign(1.0, x[0]) == 1.0  # about +y what sticks out along x falls to +
@@ -160,6 +178,6 @@ def test_it_accelerates_as_pinocchio_says() -> None:
     plants = (BARE,) * 5
     h = 1e-6
     here = place_chain(chain, plants, q)
-    _, after, _ = chain_step(chain, plants, here, q, v, v, effort, [0.0] * 5, [0.0] * 5, h)
+    _, after, _, _ = chain_step(chain, plants, here, q, v, v, effort, [0.0] * 5, [0.0] * 5, h)
     found = [(a - b) / h for a, b in zip(after, v, strict=True)]
     assert found == pytest.approx(list(wanted), rel=1e-3, abs=1e-3)

@@ -239,12 +239,12 @@ def _carried(joint: JointParams, beyond: float, place: Vector) -> tuple[float, .
         joint.mx + beyond * x,
         joint.my + beyond * y,
         joint.mz + beyond * z,
-        0.5 * (joint.iyy + joint.izz - joint.ixx) + beyond * x * x,
-        0.5 * (joint.ixx + joint.izz - joint.iyy) + beyond * y * y,
-        0.5 * (joint.ixx + joint.iyy - joint.izz) + beyond * z * z,
-        beyond * x * y - joint.ixy,
-        beyond * x * z - joint.ixz,
-        beyond * y * z - joint.iyz,
+        joint.ixx + beyond * (y * y + z * z),
+        joint.iyy + beyond * (x * x + z * z),
+        joint.izz + beyond * (x * x + y * y),
+        joint.ixy - beyond * x * y,
+        joint.ixz - beyond * x * z,
+        joint.iyz - beyond * y * z,
     )
 
 

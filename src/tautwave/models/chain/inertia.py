@@ -112,6 +112,7 @@ def mass_matrix(
     ry = about[1]
     rz = about[2]
     count = len(screws)
+    left = list(screws)
     i = count - 1
     m, sx, sy, sz, xx, yy, zz, xy, xz, yz = c.carried[i]
     while True:
@@ -121,13 +122,11 @@ def mass_matrix(
             lx = sx * ex - sy * ax
             ly = sx * ey - sy * ay
             lz = sx * ez - sy * az
-            spin = xx + yy
-            out[i * count + i] = spin
+            out[i * count + i] = zz
         else:
             lx = m * dx
             ly = m * dy
             lz = m * dz
-            spin = 0.0
             out[i * count + i] = m
         weight[i] = gx * lx + gy * ly + gz * lz
         if i == 0:
@@ -139,9 +138,9 @@ def mass_matrix(
             return potential
         # Its moment, first about the joint's origin.
         if turns:
-            hx = spin * dx - xz * ax - yz * ex
-            hy = spin * dy - xz * ay - yz * ey
-            hz = spin * dz - xz * az - yz * ez
+            hx = xz * ax + yz * ex + zz * dx
+            hy = xz * ay + yz * ey + zz * dy
+            hz = xz * az + yz * ez + zz * dz
         else:
             hx = sy * ax - sx * ex
             hy = sy * ay - sx * ey
@@ -152,9 +151,10 @@ def mass_matrix(
         hx = hx + py * lz - pz * ly
         hy = hy + pz * lx - px * lz
         hz = hz + px * ly - py * lx
+        left.pop()
         row = i * count
         column = i
-        for wx, wy, wz, vx, vy, vz in screws[:i]:
+        for wx, wy, wz, vx, vy, vz in left:
             entry = wx * hx + wy * hy + wz * hz + vx * lx + vy * ly + vz * lz
             out[row] = entry
             out[column] = entry
@@ -167,11 +167,14 @@ def mass_matrix(
             # The mass has slid from where `carried` has it.
             ty = -sa * q[i]
             tz = ca * q[i]
-            byy = byy + m * ty * (oy + oy + ty)
-            bzz = bzz + m * tz * (oz + oz + tz)
-            bxy = bxy + m * ty * ox
-            bxz = bxz + m * tz * ox
-            byz = byz + m * (ty * (oz + tz) + oy * tz)
+            ey = m * ty * (oy + oy + ty)
+            ez = m * tz * (oz + oz + tz)
+            bxx = bxx + ey + ez
+            byy = byy + ez
+            bzz = bzz + ey
+            bxy = bxy - m * ty * ox
+            bxz = bxz - m * tz * ox
+            byz = byz - m * (ty * (oz + tz) + oy * tz)
             by = by + m * ty
             bz = bz + m * tz
             oy = oy + ty
@@ -184,20 +187,23 @@ def mass_matrix(
         u = ca * sy - sa * sz
         sz = sa * sy + ca * sz
         sy = u
+        ex = (ox + ox) * sx
+        ey = (oy + oy) * sy
         u = sq * (xx - yy) + (cq + cq) * xy
-        xx = xx - sq * u + (ox + ox) * sx + bxx
-        yy = yy + sq * u
         w = sq * xz + cq * yz
-        t = sa * (yy - zz) + (ca + ca) * w
-        yy = yy - sa * t + (oy + oy) * sy + byy
+        v = yy + sq * u
+        t = sa * (v - zz) + (ca + ca) * w
+        zz = zz + sa * t + ex + ey + bzz
         if i > 0:
-            # What the first joint has no use for.
-            zz = zz + sa * t + (oz + oz) * sz + bzz
+            # The first joint has no use for these.
+            ez = (oz + oz) * sz
+            xx = xx - sq * u + ey + ez + bxx
+            yy = v - sa * t + ex + ez + byy
             xy = cq * u - xy
             xz = cq * xz - sq * yz
-            yz = ca * t - w + oy * sz + oz * sy + byz
-            u = ca * xy - sa * xz + ox * sy + oy * sx + bxy
-            xz = sa * xy + ca * xz + ox * sz + oz * sx + bxz
+            yz = ca * t - w - oy * sz - oz * sy + byz
+            u = ca * xy - sa * xz - ox * sy - oy * sx + bxy
+            xz = sa * xy + ca * xz - ox * sz - oz * sx + bxz
             xy = u
         sx = sx + bx
         sy = sy + by

@@ -31,6 +31,15 @@ ITERATIONS = 30
 CONVERGED = 1e-12
 """Change of the speeds [rad/s or m/s] from one iteration to the next, per the greatest speed."""
 
+DIVERGED = 100.0
+"""The same per the least change so far, where nothing more comes of it."""
+
+HALVINGS = 6
+CLOSED = 1e-9
+"""Energy [J] that a step may be wrong by, per kinetic energy before and after it and `SMALL`."""
+SMALL = 1e-3
+ROUNDING = 1e-14
+"""The same per potential and work [J]: what their sums lose."""
 
 LEAST = 1e-6
 """Twice the kinetic energy [J] of the mean speeds, below which the correction is left out: being of
@@ -55,6 +64,15 @@ class Flows(NamedTuple):
     environment_loss: float
     given: float
     """Into the chain's kinetic and potential energy."""
+
+
+class Moved(NamedTuple):
+    """Where a step leads: positions, speeds, each joint's energies, the chain as it is there."""
+
+    x: list[float]
+    v: list[float]
+    flows: list[Flows]
+    place: Placed
 
 
 def place_chain(c: ChainParams, plants: Any, x: Any) -> Placed:
@@ -92,11 +110,13 @@ def chain_step(
     references: list[float],
     rates: list[float],
     h: float,
-) -> tuple[list[float], list[float], list[Flows]]:
+    halvings: int = HALVINGS,
+) -> Moved:
     """Move a chain on by `h` [s] under constant efforts.
 
-    The energy balance is as exact as the iteration: where `ITERATIONS` do not suffice, which is
-    seen where joints turn by a tenth of a radian and more in a step, the last state stands.
+    A step whose balance does not close is made in two halves, and these in halves, `halvings`
+    times at most: joints that turn by a tenth of a radian and more in a step need it. Should
+    that not do, the best iterate stands, and the balance of `Moved` tells how wrong it is.
 
     Parameters
     ----------
@@ -114,17 +134,55 @@ def chain_step(
         Of the motors [N m or N].
     references, rates : list of float
         The hands' reference positions at the start, and their speeds over the step.
-
-    Returns
-    -------
-    tuple
-        Positions, speeds, and the energy of each joint.
+    halvings : int
+        How often the step may be halved.
     """
+    moved = _tried(c, plants, here, x, v, guess, efforts, references, rates, h)
+    if halvings == 0 or _closed(here, v, moved):
+        return moved
+    h = 0.5 * h
+    first = chain_step(c, plants, here, x, v, v, efforts, references, rates, h, halvings - 1)
+    ahead = [a + h * rate for a, rate in zip(references, rates, strict=True)]
+    last = chain_step(
+        c, plants, first.place, first.x, first.v, first.v, efforts, ahead, rates, h, halvings - 1
+    )
+    flows = [
+        Flows(*(a + b for a, b in zip(one, other, strict=True)))
+        for one, other in zip(first.flows, last.flows, strict=True)
+    ]
+    return last._replace(flows=flows)
+
+
+def _closed(here: Placed, v: list[float], moved: Moved) -> bool:
+    """Return whether the chain's energy changed by what its joints gave."""
+    before = kinetic_energy(here.matrix, v)
+    after = kinetic_energy(moved.place.matrix, moved.v)
+    given = sum(flow.given for flow in moved.flows)
+    off = after - before + moved.place.potential - here.potential - given
+    rounding = ROUNDING * (abs(here.potential) + abs(given))
+    return abs(off) <= CLOSED * (before + after + SMALL) + rounding
+
+
+def _tried(
+    c: ChainParams,
+    plants: tuple[PlantParams, ...],
+    here: Placed,
+    x: list[float],
+    v: list[float],
+    guess: list[float],
+    efforts: list[float],
+    references: list[float],
+    rates: list[float],
+    h: float,
+) -> Moved:
+    """Return one step as the best iterate has it."""
     count = len(x)
     mean = [0.5 * (a + b) for a, b in zip(v, guess, strict=True)]
     signs = [math.copysign(1.0, w) if w != 0.0 else 0.0 for w in mean]
     weight = [0.0] * count
     swung = [0.0] * count
+    least = math.inf
+    best = mean
     for _ in range(ITERATIONS):
         end = [a + h * w for a, w in zip(x, mean, strict=True)]
         there = place_chain(c, plants, end)
@@ -145,15 +203,21 @@ def chain_step(
         found = _friction(matrix, right, [h * p.coulomb for p in plants], signs)
         change = max(abs(a - b) for a, b in zip(found, mean, strict=True))
         mean = found
+        if change < least:
+            least = change
+            best = found
+        elif change > DIVERGED * least:
+            break
         if change <= CONVERGED * max(1.0, max(abs(w) for w in mean)):
             break
+    mean = best
     end = [a + h * w for a, w in zip(x, mean, strict=True)]
     speeds = [2.0 * w - a for w, a in zip(mean, v, strict=True)]
     flows = [
         _flows(plants[i], x[i], end[i], mean[i], efforts[i], references[i], rates[i], h)
         for i in range(count)
     ]
-    return end, speeds, flows
+    return Moved(end, speeds, flows, place_chain(c, plants, end))
 
 
 def _correction(
@@ -166,7 +230,10 @@ def _correction(
     swung: list[float],
     h: float,
 ) -> float:
-    """Return the factor s by which the energy is kept exactly."""
+    """Return the factor s by which the energy is kept exactly, at most 1 of either sign.
+
+    Beyond that the iteration has not come near: the matrix stays definite, the step is halved.
+    """
     count = len(v)
     after = [2.0 * w - a for w, a in zip(mean, v, strict=True)]
     turned = 0.0
@@ -180,7 +247,7 @@ def _correction(
     lacking = 0.25 * turned + there.potential - here.potential
     for i in range(count):
         lacking -= h * mean[i] * (weight[i] + swung[i])
-    return lacking / energy if energy > LEAST else 0.0
+    return max(min(lacking / energy, 1.0), -1.0) if energy > LEAST else 0.0
 
 
 def _wall(p: PlantParams, x: float, end: float) -> float:

@@ -58,7 +58,7 @@ class ChainParams(NamedTuple):
 
     `carried` are the augmented bodies: each joint's own with the mass of all bodies beyond at the
     origin of the next joint, a sliding one at 0. Ten floats in the joint's frame: that mass with
-    its own [kg], first moments x, y, z [kg m], second moments xx, yy, zz, xy, xz, yz [kg m^2].
+    its own [kg], first moments x, y, z [kg m], inertia xx, yy, zz, xy, xz, yz [kg m^2].
     """
 
     cb: float

@@ -20,6 +20,8 @@ from tautwave.report.run.rundir import Run, engaged_s, served_rows
 _GAINS = ("hand_work", "motor_work")
 _LOSSES = ("grip_loss", "viscous_loss", "coulomb_loss", "environment_loss")
 _STORES = ("kinetic", "grip_stored", "environment_stored")
+_AXIS = {**dict.fromkeys(_GAINS, 1.0), **dict.fromkeys(_STORES + _LOSSES, -1.0)}
+_ARM = {"work": 1.0, "kinetic": -1.0, "potential": -1.0}
 
 
 def complete_summary(run: Run) -> dict[str, Any]:
@@ -84,6 +86,8 @@ def power_ratio(pair: dict[str, Any]) -> float:
 def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
     """Return the plant's residual and the sensing gap [J]; empty without a simulated truth.
 
+    The residual adds up those of all axes, and of the arms whose joints some of them are.
+
     Parameters
     ----------
     run : Run
@@ -119,6 +123,9 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
         if carried is not None and len(carried):
             believed += weight * float(carried[-1] - carried[0])
         gap[axis] = believed + weight * float(motor[-1] - motor[0])
+    for arm in [name.removesuffix(".work") for name in run.columns if _is_arm_work(name)]:
+        found = True
+        residual += _balance(run, {f"{arm}.{name}": sign for name, sign in _ARM.items()}) or 0.0
     figures = {"uncertainty": uncertainty}
     if found:
         figures["plant_residual"] = residual
@@ -126,13 +133,21 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
     return figures
 
 
+def _is_arm_work(name: str) -> bool:
+    return name.startswith("arm.") and name.endswith(".work")
+
+
 def _plant_balance(run: Run, axis: str) -> float | None:
     """Return the greatest imbalance of one axis' true energies over the run [J]."""
+    return _balance(run, {f"plant.{axis}.{name}": sign for name, sign in _AXIS.items()})
+
+
+def _balance(run: Run, signs: dict[str, float]) -> float | None:
+    """Return the greatest change of a sum of energies over the run [J]."""
     total: np.ndarray[Any, np.dtype[np.float64]] | None = None
-    for names, sign in ((_GAINS, 1.0), (_STORES, -1.0), (_LOSSES, -1.0)):
-        for _, values in run.each(f"plant.{axis}.{name}" for name in names):
-            if not len(values):
-                return None
-            change = sign * (values - values[0])
-            total = change if total is None else total + change
+    for name, values in run.each(signs):
+        if not len(values):
+            return None
+        change = signs[name] * (values - values[0])
+        total = change if total is None else total + change
     return None if total is None else float(np.max(np.abs(total)))
