@@ -24,7 +24,6 @@ BARE = (*NO_WALLS, *NO_QUANTUM, f"{PAIR}.wave_filter_hz=")
 # -- wave ports -----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("periods", [0, 1, 3])
 def test_a_wave_port_is_passive_for_whole_command_delays(periods: int) -> None:
     late = f"buses.arm.options={{command_delay_s: {periods * 1e-3}}}"
@@ -35,7 +34,6 @@ def test_a_wave_port_is_passive_for_whole_command_delays(periods: int) -> None:
     assert certificate.verdicts["passive_quantised"].passed
 
 
-@pytest.mark.slow
 def test_a_share_of_a_period_is_not_covered() -> None:
     certificate = certified(*NO_WALLS, "buses.arm.options={command_delay_s: 0.0014}")
     port = element(certificate, "slave.lever port")
@@ -62,7 +60,6 @@ def test_an_assumed_mass_makes_it_conditional() -> None:
     assert "inertia of slave.lever" in verdict.conditions[0]
 
 
-@pytest.mark.slow
 def test_noise_in_a_line_that_loses_nothing_is_refused_with_the_filter_to_add() -> None:
     port = element(certified(*NO_WALLS, f"{PAIR}.wave_filter_hz="), "slave.lever port")
     assert "add coupling.pairs.lever.wave_filter_hz: 100" in port.passive.reason

@@ -1,10 +1,14 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tautwave.errors import RecordingError
 from tautwave.report.figures.envelope import trace
+from tautwave.report.run.complete import plant_energy
 from tautwave.report.run.loading import load_run
 from tautwave.report.run.rebuild import periods_us, rebuild_summary
+from tautwave.report.run.rundir import Run
 from tautwave.report.run.scratch import spread_columns
 from tautwave.report.run.views import view_energy, view_pair
 from tests.report.synthetic import make_run, write_recording
@@ -67,6 +71,15 @@ def test_the_balance_sees_energy_that_no_element_booked(tmp_path, columns):
     run = load_run(tmp_path)
     assert view_energy(run, "wrist").balance.value.max() == pytest.approx(1e-6)
     assert rebuild_summary(run)["energy_j"]["residual"] == pytest.approx(1e-6)
+
+
+def test_the_plants_residual_counts_what_an_arms_steps_are_wrong_by():
+    energies = {"work": [0.0, 2.0, 3.0], "kinetic": [1.0, 2.0, 1.5], "potential": [0.5, 1.5, 3.0]}
+    columns = {f"arm.hand.{name}": np.array(values) for name, values in energies.items()}
+    run = Run(Path(), {}, "", {}, tuple(columns), 3, whole=columns)
+    assert plant_energy(run, {})["plant_residual"] == pytest.approx(0.0)
+    columns["arm.hand.kinetic"][1] += 0.25
+    assert plant_energy(run, {})["plant_residual"] == pytest.approx(0.25)
 
 
 def test_the_offset_of_the_line_is_that_of_the_effort_held(run, columns):

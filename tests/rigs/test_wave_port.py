@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,9 +88,7 @@ def test_what_either_end_gave_is_below_its_claim() -> None:
 COMMAND_DELAYS = st.sampled_from([0.0, 0.0005, 0.001, 0.0013])
 
 
-@pytest.mark.slow
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
-@given(
+RIGS = st.tuples(
     COMMAND_DELAYS,
     st.sampled_from([0.0, 0.003, 0.02]),
     st.sampled_from(["0.3", "0.5", "plain"]),
@@ -99,7 +98,23 @@ COMMAND_DELAYS = st.sampled_from([0.0, 0.0005, 0.001, 0.0013])
     st.sampled_from([1, 4]),
     st.sampled_from([1.125, 0.05]),
 )
-def test_books_close_and_claims_hold_for_every_kind_of_rig(
+CALM = settings(deadline=None, suppress_health_check=list(HealthCheck))
+
+
+@settings(CALM, max_examples=5)
+@given(RIGS)
+def test_books_close_and_claims_hold(drawn: tuple[Any, ...]) -> None:
+    books_close(*drawn)
+
+
+@pytest.mark.slow
+@settings(CALM, max_examples=25)
+@given(RIGS)
+def test_books_close_and_claims_hold_for_every_kind_of_rig(drawn: tuple[Any, ...]) -> None:
+    books_close(*drawn)
+
+
+def books_close(
     delay: float,
     line: float,
     pole: str,

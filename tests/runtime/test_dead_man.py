@@ -132,7 +132,6 @@ def test_a_drive_has_a_dead_man_on_a_digital_input() -> None:
     assert 0.8 < last.at_s <= 0.84  # read every 10 ms, looked at every 20
 
 
-@pytest.mark.slow
 def test_a_drive_that_no_longer_answers_holds_no_dead_man() -> None:
     data = switched((0.0, 0x08))
     data["loop"]["missing_limit"] = 500

@@ -193,7 +193,7 @@ def lanes(as_json: bool) -> None:
 @recordings_option("; without it hands are multisines.")
 @click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
 @click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
-@click.option("--hold", type=Number(10.0, 86400.0), help="Only hold a force, for so long [s].")
+@click.option("--hold", type=Number(10.0, 86400.0), help="Only hold a force, for this time [s].")
 @out_option("Directory for the picture of a held force; default: none.")
 @json_option
 def port(hold: float | None, as_json: bool, **given: Any) -> None:

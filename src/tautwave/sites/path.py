@@ -141,7 +141,7 @@ def _asked(facts: Any) -> Asked:
     try:
         asked = Asked(float(facts["rate_hz"]), float(facts["duration_s"]))
     except (KeyError, TypeError, ValueError) as err:
-        raise LinkError("the other site stated neither rate nor duration") from err
+        raise LinkError("the other site did not state rate and duration in numbers") from err
     if not (1.0 <= asked.rate_hz <= 10000.0 and 1.0 <= asked.duration_s <= 3600.0):
         raise LinkError(f"the other site requested {asked.rate_hz:g} Hz, {asked.duration_s:g} s")
     return asked
