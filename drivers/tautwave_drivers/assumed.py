@@ -29,13 +29,15 @@ def assumed_axis(torque: float, limit: float, what: str, speed: Setting) -> dict
     return {
         "kind": Setting("rotary"),
         "causality": Setting("impedance", "takes effort"),
-        "inertia": Setting(_belief(mass), "[kg m^2] TODO: `tautwave identify` measures it"),
-        "damping": Setting(_belief(damping), "[N m s/rad] TODO: the same"),
-        "effort_limit": Setting(_round(limit), f"[N m] TODO: {what}; what is safe at your device?"),
+        "inertia": Setting(_belief(mass), "[kg m^2] TODO: measure it with `tautwave identify`"),
+        "damping": Setting(_belief(damping), "[N m s/rad] TODO: likewise"),
+        "effort_limit": Setting(
+            _round(limit), f"[N m] TODO: {what}; what is safe for your device?"
+        ),
         "effort_rate_limit": Setting(_round(limit / RISE_S), "[N m/s] full effort in 5 ms"),
         "velocity_limit": speed,
         "position_range": Setting(
-            [-RANGE_RAD, RANGE_RAD], "[rad] TODO: from zero to just before the stops"
+            [-RANGE_RAD, RANGE_RAD], "[rad] TODO: from zero to just short of the end stops"
         ),
     }
 

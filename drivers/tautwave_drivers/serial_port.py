@@ -141,12 +141,14 @@ class SerialPort:
 
 def _no_port(path: str, err: OSError) -> str:
     if err.errno == errno.ENOENT:
-        return f"{path}: there is no such device; plug the adapter in, or correct its path"
+        return f"{path}: no such device; plug in the adapter, or correct its path"
     if err.errno == errno.EACCES:
-        return f"{path}: not permitted; add yourself to its group: sudo usermod -aG dialout $USER"
+        return (
+            f"{path}: permission denied; add yourself to its group: sudo usermod -aG dialout $USER"
+        )
     if err.errno in (errno.EBUSY, errno.EAGAIN):
         return (
-            f"{path}: another program has it open, or another bus of this rig; close that, or list "
-            "all devices of a line on one bus"
+            f"{path}: another program has it open, or another bus of this rig; close that "
+            "program, or list all devices of a line on one bus"
         )
     return f"{path}: cannot be opened: {err.strerror}"

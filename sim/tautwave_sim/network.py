@@ -50,26 +50,30 @@ class NetworkOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
-    to: str = Field(description="HOST:PORT of the site that serves.")
-    listen: str = Field("127.0.0.1:7448", description="HOST:PORT that the other site dials.")
-    delay_s: float = Field(0.0, ge=0.0, le=10.0, description="[s] Least delay each way.")
-    jitter_s: float = Field(0.0, ge=0.0, le=10.0, description="[s] Delay on top, at random.")
+    to: str = Field(description="HOST:PORT of the serving site.")
+    listen: str = Field("127.0.0.1:7448", description="HOST:PORT that the other site connects to.")
+    delay_s: float = Field(0.0, ge=0.0, le=10.0, description="[s] Minimum delay each way.")
+    jitter_s: float = Field(0.0, ge=0.0, le=10.0, description="[s] Additional random delay.")
     jitter: Literal["uniform", "exponential", "spikes"] = Field(
         "uniform", description="uniform up to jitter_s, exponential about it, or spikes of it."
     )
     loss: float = Field(0.0, ge=0.0, le=0.5, description="Share that is lost.")
-    burst: float = Field(1.0, ge=1.0, le=1000.0, description="Mean number lost in a row.")
-    duplicate: float = Field(0.0, ge=0.0, le=1.0, description="Share that comes twice.")
-    reorder: bool = Field(True, description="Whether one may overtake another.")
+    burst: float = Field(
+        1.0, ge=1.0, le=1000.0, description="Mean number of consecutive packets lost."
+    )
+    duplicate: float = Field(0.0, ge=0.0, le=1.0, description="Fraction of packets duplicated.")
+    reorder: bool = Field(True, description="Whether packets may be reordered.")
     outage_at_s: float = Field(0.0, ge=0.0, description="[s] Start of the first outage.")
     outage_s: float = Field(0.0, ge=0.0, description="[s] Length of an outage.")
-    outage_every_s: float = Field(0.0, ge=0.0, description="[s] From one to the next; 0: one.")
+    outage_every_s: float = Field(
+        0.0, ge=0.0, description="[s] Interval between outages; 0: a single outage."
+    )
     trace: str = Field(
         "",
-        description="FILE of `link test --record`: its delays and losses, both ways, again "
-        "and again; in place of the drawn ones.",
+        description="FILE of `link test --record`: its delays and losses, both ways, are repeated "
+        "in a loop instead of drawn ones.",
     )
-    seed: int = Field(0, ge=0, description="Begins the random numbers.")
+    seed: int = Field(0, ge=0, description="Seed of the random numbers.")
 
 
 class Way:

@@ -66,9 +66,10 @@ class ReplayDriver(LoopbackDriver):
     ) -> None:
         super().__init__(LoopbackOptions(), bus, clock, transport)
         self.notes = [
-            f"{axis.name} moves as recorded ({one.position} of {one.file}"
-            f"{', again and again' if one.repeat else ', then it stands'}), whatever its motor is "
-            "commanded: in the books, work of the hand is what forces it along, against its motor"
+            f"{axis.name} moves as recorded ({one.position} of "
+            f"{one.file}{', again and again' if one.repeat else ', then it stands'}), regardless "
+            "of its motor command: in the energy accounts, the hand does the work needed against "
+            "its motor"
             for axis, one in zip(bus.axes, _imposed(options, bus), strict=True)
         ]
 
@@ -79,12 +80,12 @@ def _imposed(options: ReplayOptions, bus: BusSpec) -> list[Imposed]:
     for axis in bus.axes:
         if axis.causality != "impedance":
             raise ConfigError(
-                f"{axis.name}: an axis that moves as recorded takes effort; its causality is "
-                "impedance"
+                f"{axis.name}: an axis that moves as recorded must be effort-controlled; set "
+                "causality: impedance"
             )
         if axis.effort_sensor:
             raise ConfigError(
-                f"{axis.name}.effort_sensor: an axis that moves as recorded has none; remove it"
+                f"{axis.name}.effort_sensor: not used by an axis that moves as recorded; remove it"
             )
         if axis.device_id not in known:
             raise ConfigError(

@@ -1,4 +1,4 @@
-"""Every Protocol a plugin or a part of the loop has to fulfil. Deliberately short."""
+"""Protocols that plugins and parts of the loop implement. Deliberately short."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ScanProgress = Callable[[float, str], None]
 
 
 class AxisSpec(NamedTuple):
-    """What a driver has to know about one of its axes.
+    """What a driver needs to know about one of its axes.
 
     `name` is `master.wrist`; `device_id` the number on the bus; `kind` is `rotary` or `linear`;
     `causality` is `impedance` (takes effort) or `admittance` (takes velocity, measures effort).
@@ -36,7 +36,7 @@ class AxisSpec(NamedTuple):
 
 
 class BusSpec(NamedTuple):
-    """What a driver has to know about its bus: its axes, its rate, and what is allowed.
+    """What a driver needs to know about its bus: axes, rate and permissions.
 
     `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: accept a device without a
     watchdog; `configure`: write lasting settings into devices where they differ. With a `divisor`
@@ -58,7 +58,7 @@ class BusSpec(NamedTuple):
 
 
 class AxisFacts(NamedTuple):
-    """What the options of a bus say of an axis: steps of sensor and commands, SI, 0: unknown."""
+    """Properties of an axis given by the bus options: sensor and command steps, SI, 0: unknown."""
 
     encoder_quantum: float = 0.0
     effort_quantum: float = 0.0
@@ -108,10 +108,10 @@ class BytePort(Protocol):
     """One end of a serial line or of a connection: `InMemory`, or with a `fileno()`."""
 
     def write(self, data: bytes) -> None:
-        """Hand bytes to the line; raises `DriverError` when it is gone."""
+        """Send bytes to the line; raises `DriverError` if it is lost."""
 
     def read(self) -> bytes:
-        """Return all received bytes without waiting; raises `DriverError` when the line is gone."""
+        """Return all received bytes without waiting; raises `DriverError` if the line is lost."""
 
     def close(self) -> None: ...
 
@@ -160,7 +160,7 @@ class Driver(Protocol):
 
 
 class Budget(NamedTuple):
-    """Bus time of one cycle, the greatest rate [Hz] that fits, the arithmetic, and what helps."""
+    """Bus time of one cycle, the highest rate [Hz] that fits, the calculation, and remedies."""
 
     time_s: float
     greatest_rate_hz: float
@@ -173,7 +173,7 @@ class CycleCost(NamedTuple):
 
     `floor_us` is the same for a bare exchange of the same bytes, measured alternately, if
     available; a goal is in microseconds at the median (`goal_us`) or a ratio of the medians
-    (`goal_ratio`). `why_not` says why there are no figures.
+    (`goal_ratio`). `why_not` explains why there are no figures.
     """
 
     what: str
@@ -208,7 +208,7 @@ def no_progress(done: float, text: str) -> None:
 
 
 class DriverPlugin(NamedTuple):
-    """What a `tautwave.drivers` entry point names.
+    """Declaration behind a `tautwave.drivers` entry point.
 
     `options` is the pydantic model of the bus' `options` block; `make(options, bus, clock,
     transport)` builds a driver and touches no device (`transport` is None: the driver opens the
@@ -272,7 +272,7 @@ def _as_they_are(options: Any) -> Mapping[str, Any]:
 
 
 class SimulatorPlugin(NamedTuple):
-    """What a `tautwave.simulators` entry point names.
+    """Declaration behind a `tautwave.simulators` entry point.
 
     `make(options, bus, physics, clock)` builds the devices in this process, `physics` one
     `AxisModel` per axis. On the real clock, where `served(options)` is True, they run in a separate
@@ -301,7 +301,7 @@ class SimulatorPlugin(NamedTuple):
 
 
 class CouplingPlugin(NamedTuple):
-    """What a `tautwave.couplings` entry point names: a law that joins a master and a slave axis.
+    """Declaration behind a `tautwave.couplings` entry point: a law coupling master and slave.
 
     A string is a `module:attribute`, loaded on demand; the thing itself serves as well. `keys` is
     the block of the rig's `coupling`, a `tautwave.config.Coupling` with pairs of its own.
@@ -346,7 +346,7 @@ class CouplingPlugin(NamedTuple):
 
 
 class CoupledAxis(NamedTuple):
-    """What the rig says of an axis, for the constants of a coupling's end; SI.
+    """Properties of an axis in the rig, for the constants of a coupling's end; SI.
 
     `period` of its bus; `gain` of its tracker; `inertia`: lower bound, None: it takes velocities;
     `mass`, `viscous`, `coulomb`: estimates; `delay` in periods until a command acts, `late` beyond;

@@ -249,8 +249,8 @@ def _load(group: str, name: str, kind: type[Any]) -> Any:
         ) from err
     if not isinstance(plugin, kind):
         raise ConfigError(
-            f"{what} {name!r}: {point.value} is no {kind.__name__} "
-            f"but of type {type(plugin).__name__}"
+            f"{what} {name!r}: {point.value} is not a {kind.__name__} but of type "
+            f"{type(plugin).__name__}"
         )
     return plugin
 

@@ -46,7 +46,7 @@ def test_the_sentence_that_is_printed() -> None:
     found = destabilising_hand(delayed_controller(5e-4), TWENTY_HZ)
     assert found is not None
     assert found.sentence() == (
-        "this controller is unstable against this hand: m = 0.629 kg, R = 0.618 N s/m, "
+        "this controller is unstable with this hand: m = 0.629 kg, R = 0.618 N s/m, "
         "k = 7464 N/m; the vibration at 20.0 Hz grows e-fold every 2.04 s"
     )
     assert "kg m^2, R = 0.618 N m s/rad, k = 7464 N m/rad" in found.sentence(rotary=True)

@@ -277,7 +277,8 @@ def test_sentence_of_the_readme() -> None:
     text = passivity_sentence(verdict, "slave wall", rotary=True)
     assert text == (
         "slave wall: K = 5000 N m/rad is 3.1 x the passive limit 1612; one period of delay costs "
-        "3 x of it. Lower K to 1612, or raise the rate to 3.11 kHz, or add 5.09 N m s/rad damping."
+        "3 x of it. Lower K to 1612, or raise the rate to 3.11 kHz, or "
+        "add 5.09 N m s/rad of damping."
     )
 
 

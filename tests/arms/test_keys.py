@@ -72,25 +72,25 @@ def test_a_chain_is_read_with_all_that_is_fixed_to_it(tmp_path: Path) -> None:
 
 
 WRONG = (
-    ("robot", "robots", "has no <robot>; a URDF file is needed, xacro has to be run first"),
+    ("robot", "robots", "has no <robot>; a URDF file is required (run xacro first)"),
     ("</robot>", "", "is not XML: no element found"),
     (
         '<robot name="two">',
         '<!DOCTYPE robot [<!ENTITY a "b">]><robot name="two">',
-        ":2: declares a document type; remove it, URDF has none",
+        ":2: declares a document type, which URDF does not have; remove it",
     ),
     ('<link name="base"/>', 32 * "<a>" + 32 * "</a>", ":3: nested deeper than 32 levels"),
     ('value="0.5"', 'value="-0.5"', ":5: link 'upper': its mass is negative (got -0.5)"),
     ('value="0.5"', 'value="nan"', ":5: value of <mass> should be a finite number (got 'nan')"),
     ('xyz="0.1 0 0"', 'xyz="0.1 0"', "xyz of <origin> should be 3 finite numbers (got '0.1 0')"),
     ('<mass value="0.3"/>', "", "link 'lower': <inertial> has no <mass>"),
-    ('ixx="1e-4"', 'ixx="-1e-4"', ":6: link 'upper': no body has this inertia"),
+    ('ixx="1e-4"', 'ixx="-1e-4"', ":6: link 'upper': not physically possible for a rigid body"),
     ('type="continuous"', 'type="floating"', "joint 'elbow' is floating; a chain has revolute,"),
     ('type="continuous"', "", "<joint> has no type"),
     (
         '<axis xyz="0 1 0"/>\n  </joint>',
         '<mimic joint="shoulder"/></joint>',
-        ":15: joint 'elbow' mimics another: not a serial chain; make it fixed",
+        ":15: joint 'elbow' mimics another, which a serial chain cannot; make it fixed",
     ),
     ('name="elbow"', 'name="shoulder"', "a second joint 'shoulder' (line 11)"),
     ('<link name="tool">', '<link name="lower">', ":9: a second link 'lower' (line 8)"),
@@ -99,22 +99,26 @@ WRONG = (
     (
         '<child link="sticker"/>',
         '<child link="tool"/>',
-        "joint 'glue': link 'tool' hangs on joint 'flange' (line 18) too: a closed chain",
+        "joint 'glue': link 'tool' is also the child of joint 'flange' (line 18): closed chains",
     ),
     (
         '<parent link="base"/><child link="upper"/>',
         '<parent link="lower"/><child link="upper"/>',
-        "closes a loop; only serial chains are read",
+        "closes a loop; only serial chains are supported",
     ),
     (
         'type="fixed">\n    <origin xyz="0.3 0 0"/>',
         'type="revolute">\n    <origin xyz="0.3 0 0"/>',
-        ":21: joint 'glue' branches off at link 'upper': only serial chains are read",
+        ":21: joint 'glue' branches off at link 'upper': only serial chains are supported",
     ),
     ('xyz="0 2 0"', 'xyz="0 0 0"', ":12: joint 'shoulder': its axis has no direction"),
     ('xyz="0 2 0"', 'xyz="0 1.7e308 1.7e308"', "joint 'shoulder': its axis has no direction"),
     ('lower="-1"', 'lower="2"', "joint 'shoulder': its lower limit 2 is above its upper 1.5"),
-    ('<link name="base"/>', '<link name="base"/><link name="spare"/>', "link 'spare' is joined to"),
+    (
+        '<link name="base"/>',
+        '<link name="base"/><link name="spare"/>',
+        "link 'spare' is not connected to",
+    ),
 )
 
 
@@ -147,7 +151,7 @@ def test_a_file_of_thousands_of_links_is_read_at_once(tmp_path: Path) -> None:
 
 def test_a_chain_that_does_not_move_and_a_tip_that_is_missing(tmp_path: Path) -> None:
     still = URDF.replace('"revolute"', '"fixed"').replace('"continuous"', '"fixed"')
-    with pytest.raises(ConfigError, match="no joint that moves"):
+    with pytest.raises(ConfigError, match="no moving joint"):
         read_urdf(written(tmp_path, still))
     with pytest.raises(ConfigError, match=r"there is no link 'hand'\. Links: base, upper"):
         read_urdf(written(tmp_path), "hand")
@@ -233,15 +237,15 @@ def test_a_urdf_file_starts_at_the_rig_files_folder(tmp_path: Path) -> None:
 
 
 REFUSED = (
-    ("slave.arm={}", "give either urdf or dh, with a row for each axis"),
-    ("slave.arm={dh: [{a: 0.1}], tip: tool}", "tip is the name of a URDF link; remove it"),
+    ("slave.arm={}", "give either urdf, or dh with one row for each axis"),
+    ("slave.arm={dh: [{a: 0.1}], tip: tool}", "tip applies to a URDF only; remove it"),
     ("slave.arm={dh: [{mass: -1.0}]}", "slave.arm.dh.0.mass: Input should be greater than"),
     (
         "slave.arm={dh: [{inertia: [1.0, 1.0, 1.0, 2.0, 0.0, 0.0]}]}",
-        "slave.arm.dh.0.inertia: no body has this inertia",
+        "slave.arm.dh.0.inertia: not physically possible for a rigid body",
     ),
     ("slave.arm={dh: [{kind: prismatic}]}", "joint 'row 1' of the arm slides, so this should be"),
-    ("slave.arm={dh: []}", "give either urdf or dh, with a row for each axis"),
+    ("slave.arm={dh: []}", "give either urdf, or dh with one row for each axis"),
 )
 
 
@@ -254,7 +258,9 @@ def test_a_wrong_arm_is_refused_with_its_place(override: str, said: str) -> None
 
 
 def test_a_load_is_refused_where_a_chain_or_a_drive_carries_it() -> None:
-    with pytest.raises(ConfigError, match=r"the chain of the slave's arm says what it weighs"):
+    with pytest.raises(
+        ConfigError, match=r"the chain of the slave's arm already " r"defines the weight"
+    ):
         load_rig(SHIPPED, [f"slave.{ARM}", "slave.axes.lever.load.sine=0.1"])
     linear = SHIPPED.with_name("bench-2axis-loopback.yaml")
     rig = load_rig(linear)
@@ -263,5 +269,5 @@ def test_a_load_is_refused_where_a_chain_or_a_drive_carries_it() -> None:
         load_rig(linear, [f"slave.axes.{slides}.load.sine=0.1"])
     driven = SHIPPED.with_name("bench-admittance-loopback.yaml")
     slave = next(iter(load_rig(driven).slave.axes))
-    with pytest.raises(ConfigError, match="carries its load itself"):
+    with pytest.raises(ConfigError, match="compensates for the load itself"):
         load_rig(driven, [f"slave.axes.{slave}.load.constant=0.1"])

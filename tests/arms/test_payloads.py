@@ -83,21 +83,23 @@ def test_what_moves_under_another_payload_leaks_no_more_than_under_one() -> None
 
 def test_it_is_refused_with_why() -> None:
     load = side()
-    assert take_payload([load], "box")[0].endswith("not known yet where the slave's arm is")
+    assert take_payload([load], "box")[0].endswith(
+        "the position of the slave's arm is not known yet"
+    )
     pass_slot(load, 0.0)
     assert take_payload([load], "crate") == (
-        "payload 'crate': unknown; give one of box, none",
+        "payload 'crate': unknown; choose one of box, none",
         True,
     )
     pass_slot(load, 0.01)
     assert take_payload([load], "box") == (
-        "payload 'box': the slave's arm moves; let it stand",
+        "payload 'box': the slave's arm is moving; keep it still",
         True,
     )
     pass_slot(load, 0.01)
     assert take_payload([load], "box") == ("box", False)
-    assert "still being taken up" in take_payload([load], "none")[0]
-    assert take_payload([], "box") == ("payload: no arm of the rig has `payloads`", True)
+    assert "still being applied" in take_payload([load], "none")[0]
+    assert take_payload([], "box") == ("payload: no arm in the rig defines `payloads`", True)
     other = side()
     other.name = "master"
     pass_slot(other, 0.0)
@@ -116,7 +118,7 @@ def test_verdict_and_room_are_those_of_the_heaviest() -> None:
     assert found is not None
     # 0.6 kg at the tip, over all heights that it reaches
     assert found.numbers["payload_j"] == pytest.approx(1.1 * 0.6 * 9.81 * 1.1, rel=0.15)
-    assert "may give out" in found.passive.reason
+    assert "may supply" in found.passive.reason
     bare = load_element(light, "slave.waist", delays, 0.0)
     assert bare is not None
     assert "payload_j" not in bare.numbers
@@ -125,7 +127,7 @@ def test_verdict_and_room_are_those_of_the_heaviest() -> None:
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (["operate=null"], "write `operate: {}`"),
+        (["operate=null"], "add `operate: {}`"),
         (["slave.arm.compensate=false"], "compensate: false"),
         (["slave.arm.payloads={box: {mass: -1}}"], "greater than or equal to 0"),
         (["slave.arm.payloads={box: {mass: 9}}"], "leaves too little for the coupling"),

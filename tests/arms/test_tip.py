@@ -223,7 +223,7 @@ def test_a_joint_beyond_its_limits_is_a_fault_once(monkeypatch: pytest.MonkeyPat
     for k in range(2):
         joints.positions = (0.6, 2.9)
         driver.read(1_000_000 * k)
-    assert "outside of its position_range [-2.8, 2.8]" in driver.faults()[0].text
+    assert "outside its position_range [-2.8, 2.8]" in driver.faults()[0].text
 
 
 def test_a_joints_limit_shrinks_the_whole_force(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -269,7 +269,7 @@ WRONG = (
         "joint elbow: in truth.chain it slides, in chain it turns",
     ),
     ("buses.hand.options.truth.joints.knee={}", "truth names no joint of the arm: knee"),
-    ("buses.hand.options.walls.disc.size=[1, 1, 1]", "size means nothing for cylinder"),
+    ("buses.hand.options.walls.disc.size=[1, 1, 1]", "size does not apply to cylinder"),
     (
         "buses.hand.options.walls.disc={shape: mesh, stiffness: 1}",
         "mesh needs points and triangles",
@@ -279,11 +279,14 @@ WRONG = (
     ("buses.hand.options.bus.driver=arm", "on a bus of their own driver"),
     ("buses.hand.options.bus.driver=none", "bus.driver: unknown driver 'none'"),
     ("buses.hand.options.bus.options={speed: 1}", "bus.options.speed: Extra inputs"),
-    (f"{DISC}={{shape: convex, planes: [], stiffness: 1}}", "convex needs a plane or more"),
-    (f"{DISC}={{shape: path, points: [[0, 0, 0]], stiffness: 1}}", "path needs two points"),
+    (f"{DISC}={{shape: convex, planes: [], stiffness: 1}}", "convex needs at least a plane"),
+    (
+        f"{DISC}={{shape: path, points: [[0, 0, 0]], stiffness: 1}}",
+        "path needs at least two points",
+    ),
     (
         f"{DISC}={{shape: path, points: [[0, 0, 0], [0, 0, 0]], stiffness: 1}}",
-        "two points of a path in a row are the same",
+        "two consecutive points of a path are identical",
     ),
     (
         f"{DISC}={{shape: mesh, points: [[0, 0, 0], [1, 1, 1], [2, 2, 2]], "

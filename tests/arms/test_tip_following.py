@@ -229,7 +229,7 @@ def test_an_account_that_is_not_a_number_is_overdrawn(monkeypatch: pytest.Monkey
     assert math.isnan(columns(driver)["tip.arm.mapped"])
     assert list(joints.written[-1]) == [AxisCommand(0.0, 0.0)] * 2
     (fault,) = driver.faults()
-    assert "the arm gave out nan J" in fault.text
+    assert "the arm supplied nan J" in fault.text
 
 
 def test_a_sample_that_is_missing_makes_no_joint_faster(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,10 +249,10 @@ def test_a_sample_that_is_missing_makes_no_joint_faster(monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ("buses.arm.options.posture=0.5", "posture: a spring of the joints needs efforts"),
+        ("buses.arm.options.posture=0.5", "posture: a joint spring needs effort-controlled joints"),
         (
             "buses.arm.options.walls={floor: {shape: plane, normal: [0, 0, 1], stiffness: 1}}",
-            "walls: walls in space push by efforts",
+            "walls: walls in space need effort-controlled joints",
         ),
         ("buses.arm.options.reserve=0", "greater than 0"),
         ("buses.arm.options.least_lever=1e-6", "greater than or equal to 0.001"),
@@ -269,12 +269,14 @@ def test_coordinates_are_all_of_one_causality() -> None:
         AxisSpec(f"slave.{name}", number, "linear", causality, 10.0)
         for name, number, causality in (("x", 1, "impedance"), ("y", 2, "admittance"))
     )
-    with pytest.raises(ConfigError, match="give all coordinates one causality"):
+    with pytest.raises(ConfigError, match="give all coordinates the same causality"):
         coordinates(BusSpec("arm", axes, 1000.0))
 
 
 def test_joints_that_take_effort_have_to_have_inertia() -> None:
-    with pytest.raises(ConfigError, match=r"elbow\.inertia_lower: a joint that takes effort"):
+    with pytest.raises(
+        ConfigError, match=r"elbow\.inertia_lower: required for an " r"effort-controlled joint"
+    ):
         load_rig(PLANAR, ["buses.arm.options.joints.elbow.inertia_lower=0"])
 
 
@@ -288,7 +290,7 @@ def test_friction_that_no_simulated_drive_has_is_refused() -> None:
 def test_the_verdict_states_reserve_and_conditions() -> None:
     tip = elements(PLANAR, *FOLLOWING)["tip of arm"]
     assert tip.passive.passed
-    assert "may give out 0.01 J beyond" in tip.passive.reason
+    assert "may supply 0.01 J beyond" in tip.passive.reason
     assert "their weight beside it" in tip.passive.conditions[0]
 
 

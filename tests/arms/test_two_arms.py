@@ -88,9 +88,9 @@ REFUSED = (
     ("simulation.integrator={scheme: exact}", "an arm has its own; remove it"),
     (
         "simulation.environment.wrist={type: foam, stiffness: 1.0, position: 0.0}",
-        "the joints of an arm touch free, spring or wall environments only",
+        "the joints of an arm support free, spring or wall environments only",
     ),
-    ("simulation.axes.slave.wrist.load.constant=1.0", "the chain of the slave's arm says"),
+    ("simulation.axes.slave.wrist.load.constant=1.0", "the chain of the slave's arm already"),
 )
 
 

@@ -171,11 +171,11 @@ def test_the_command_refuses_what_it_cannot_weigh(tmp_path: Path) -> None:
     for arguments, said in (
         ((str(ONE), "--load"), "choose an axis, or one of an arm's, with --axis"),
         ((str(ONE), "--load", "--axis", "slave.lift"), "there is no axis 'slave.lift'"),
-        ((str(ONE), "--load", "--share", "0.2"), "--share has no meaning with --load"),
-        ((str(ONE), "--load", "--noise"), "--load has no meaning with --noise"),
+        ((str(ONE), "--load", "--share", "0.2"), "--share cannot be combined with --load"),
+        ((str(ONE), "--load", "--noise"), "--load cannot be combined with --noise"),
         (
             (str(CONFIGS / "bench-admittance-loopback.yaml"), "--load", "--axis", "slave.lever"),
-            "slave.lever is an admittance axis: its drive carries its load itself",
+            "slave.lever is an admittance axis: its drive compensates for the load itself",
         ),
     ):
         found = runner.invoke(main, ["identify", *arguments, "--out", str(tmp_path / "out")])

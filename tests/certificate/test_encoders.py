@@ -34,7 +34,7 @@ def test_a_step_that_is_felt_names_the_impedance_that_hides_it() -> None:
     assert where == "hint on slave.lever"
     assert "changes the effort by 11% of effort_limit" in text
     assert "wave_impedance up to 0.046" in text
-    assert "take" in more  # what a step costs of the claim
+    assert "drain" in more  # what a step costs of the claim
     assert "identify" not in more  # its noise matters little beside the step
     softer = ("slave.axes.lever.encoder_quantum=2.0e-3", "coupling.pairs.lever.wave_impedance=0.04")
     assert hints(*softer) == []
@@ -43,7 +43,7 @@ def test_a_step_that_is_felt_names_the_impedance_that_hides_it() -> None:
 def test_noise_that_costs_much_of_the_claim_is_said_with_the_remedy() -> None:
     loud = "slave.axes.lever.position_noise=9.0e-4"
     [(_, text)] = hints(loud)
-    assert "1.9% of what the motor can give" in text
+    assert "1.9% of what the motor can supply" in text
     assert "identify --noise" in text
     [(_, known)] = hints(loud, "slave.axes.lever.position_noise_autocorrelation=[]")
     assert "identify" not in known  # its colour is declared

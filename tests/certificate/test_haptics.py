@@ -91,9 +91,9 @@ def test_what_cannot_be_said_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "different rates" in found.silent[-1]
     found = haptics(rig("bench-admittance-loopback"))
     assert [one.axis for one in found.widths] == ["master.lever"]
-    assert "slave.lever: it takes velocity" in found.silent[0]
+    assert "slave.lever: it is velocity-controlled" in found.silent[0]
     assert haptics(rig("scene-resonator")).sentences() == [
-        ("Not said", ["the hand touches a scene; its certificate says how"])
+        ("Not said", ["the hand touches a scene; see its certificate"])
     ]
     one = rig("bench-1dof-loopback")
     from tautwave.certificate.haptics import transparency

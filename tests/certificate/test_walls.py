@@ -37,7 +37,7 @@ def test_the_greatest_passive_spring_is_that_of_theory(
 
 
 def test_a_wall_that_fails_is_reported_with_the_hand_it_fails_against() -> None:
-    reported = "slave wall: unstable against this hand on the device: m = "
+    reported = "slave wall: unstable with this hand on the device: m = "
     assert any(
         line.startswith(reported) for line in element(certified(wall(9.0)), "slave wall").sentences
     )
@@ -85,7 +85,7 @@ def test_wall_and_port_share_the_damping() -> None:
     assert port.numbers["damping_left"] == pytest.approx(1e-4)
     assert port.passive.passed
     whole = element(certified(wall(4.0)), "slave.lever port")
-    assert "wall and load take 0.002 N m s/rad of the 0.002 that the device surely has" in (
+    assert "wall and load use 0.002 N m s/rad of the device's guaranteed 0.002" in (
         whole.passive.reason
     )
 
@@ -144,7 +144,7 @@ def test_coulomb_friction_that_is_given_covers_the_step(factor: float, passes: b
     friction = factor * 0.5 * stiffness * quantum
     found = element(certified(wall(stiffness), friction_of(friction)), "slave wall")
     assert found.passive_quantised.passed is passes
-    assert ("passive with the encoder's step too" in found.passive_quantised.reason) is passes
+    assert ("also passive with the encoder's step" in found.passive_quantised.reason) is passes
     given = certify(rig(wall(stiffness)), coulomb={"slave.lever": friction})
     assert element(given, "slave wall").passive_quantised.passed is passes
 

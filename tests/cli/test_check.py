@@ -87,12 +87,12 @@ def test_each_thing_that_fails_is_one_line_at_the_end(tautwave_cli: Cli, six: Pa
     assert done.exit_code == 3
     lines = done.stdout.splitlines()
     assert len(lines) <= LINES + 2
-    assert lines[-1].endswith("may not run: not certified as it requires (exit code 3).")
+    assert lines[-1].endswith("may not run: not certified as required (exit code 3).")
     for line, n in zip(lines[-5:-1:2], (1, 4), strict=True):
         assert "wall" in line
         assert "K = 900 N m/rad is" in line
         assert f"joint{n}" in line
-    assert "left out" in lines[-6]
+    assert "not used" in lines[-6]
 
 
 def test_verbose_holds_the_rest(tautwave_cli: Cli, six: Path) -> None:

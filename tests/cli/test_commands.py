@@ -202,7 +202,7 @@ def test_run_overwrites_nothing(tautwave_cli: Cli, backend: Backend, tmp_path: P
     (tmp_path / "there/precious.txt").write_text("data")
     result = tautwave_cli("run", "rig.yaml", "--out", "there")
     assert result.exit_code == 2
-    assert result.stderr.startswith("there: is not empty")
+    assert result.stderr.startswith("there: not empty")
     assert backend.run_arguments == {}
 
 

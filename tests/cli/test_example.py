@@ -55,7 +55,7 @@ def test_an_unknown_name_is_a_sentence(tautwave_cli: Cli) -> None:
     done = tautwave_cli("example", "bench-1dof-lopback")
     assert done.exit_code == 2
     assert "did you mean 'bench-1dof-loopback'?" in done.output
-    assert "`tautwave example` lists them all" in done.output
+    assert "`tautwave example` lists all" in done.output
     assert not os.listdir()
 
 
@@ -69,7 +69,7 @@ def test_what_is_there_is_never_replaced(tautwave_cli: Cli) -> None:
     Path("bench-1dof-loopback.yaml").write_text("mine")
     done = tautwave_cli("example", "sweeps/many-walls")
     assert done.exit_code == 2
-    assert "bench-1dof-loopback.yaml: is there already" in done.output
+    assert "bench-1dof-loopback.yaml: already exists" in done.output
     assert "--out" in done.output
     assert os.listdir() == ["bench-1dof-loopback.yaml"]
     assert Path("bench-1dof-loopback.yaml").read_text() == "mine"

@@ -91,7 +91,7 @@ def test_a_signal_before_anything_moves_is_one_sentence(tmp_path: Path, number: 
         _, errors = run.communicate(timeout=60)
     assert run.returncode == 128 + number
     word = {1: "SIGHUP", 2: "Ctrl-C", 15: "SIGTERM"}[number]
-    assert errors == f"run: ended by {word} before anything moved; no directory is left\n"
+    assert errors == f"run: ended by {word} before anything moved; no directory was created\n"
     assert not (tmp_path / "out").exists()
 
 
@@ -350,7 +350,7 @@ def test_the_codes_stand_in_the_help(tmp_path: Path, words: tuple[str, ...]) -> 
         "1 an unexpected",
         "2 usage",
         "3 not",
-        "4 over",
+        "4 bus-time",
         "5 bus",
         "6 safety",
         "7 a",

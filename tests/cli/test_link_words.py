@@ -17,9 +17,9 @@ def test_an_offset_is_stated_by_the_law_itself() -> None:
                            "coupling.pairs.lever.pole_master=0.5"])  # fmt: skip
     [line] = _compliance(rig, 0.02)
     impedance = rig.coupling.pairs["lever"].wave_impedance
-    said = float(line.split(" apart")[0].split()[-5])
+    said = float(line.split(" offset of ")[1].split()[0])
     assert said == pytest.approx(1e3 * 0.02 / impedance, rel=0.01)
-    assert line.endswith("mrad per N m apart")
+    assert line.endswith("mrad per N m between master and slave")
 
 
 def test_a_law_without_an_offset_says_nothing() -> None:

@@ -24,7 +24,7 @@ def test_a_row_that_differs_is_said_and_ends_in_1(
     done = tautwave_cli("reproduce", "positive-real")
     assert done.exit_code == 1
     assert "differs" in done.stdout.splitlines()[-1]
-    assert done.stderr == "differs from its reference: positive-real: two\n"
+    assert done.stderr == "differs from the reference: positive-real: two\n"
     assert not Row("nothing", "1", math.nan, 1.0, 0.1, "x").agrees
 
 

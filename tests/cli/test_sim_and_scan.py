@@ -143,7 +143,7 @@ def test_scan_that_finds_nothing_says_so(tautwave_cli: Cli) -> None:
     result = tautwave_cli("scan", "acme", "--model", "X", "--slow")
     assert result.exit_code == 0
     assert result.stdout == ""
-    assert "nothing answered on acme" in result.stderr
+    assert "no response on acme" in result.stderr
     assert tautwave_cli("scan", "acme", "--model", "X", "--slow", "--json").stdout == "[]\n"
 
 
@@ -187,7 +187,7 @@ def test_help_of_a_driver_lists_its_options(tautwave_cli: Cli, command: str) -> 
     ("words", "sentence"),
     [
         (("sim", "loopback"), "loopback has no endpoint"),
-        (("scan", "loopback"), "loopback has nothing to scan"),
+        (("scan", "loopback"), "loopback does not support scanning"),
         (("sim", "nosuch"), "unknown simulator 'nosuch'"),
         (("scan", "nosuch"), "unknown driver 'nosuch'"),
         (("sim", "there/is/none.yaml"), "no such file"),

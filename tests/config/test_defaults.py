@@ -129,7 +129,7 @@ def test_a_mistake_set_from_outside_names_the_argument() -> None:
     [
         (
             BENCH.replace("master:", "master:\n  defaults: {kind: linear}"),
-            "rig.yaml:8: master.defaults.kind: no axis of this side takes this default; remove it",
+            "rig.yaml:8: master.defaults.kind: no axis of this side uses this default; remove it",
         ),
         (
             BENCH.replace("hand: {driver: loopback}", "hand: {driver: loopback, defaults: [1]}"),
@@ -137,7 +137,7 @@ def test_a_mistake_set_from_outside_names_the_argument() -> None:
         ),
         (
             BENCH.replace("  pairs:", "  defaults: {wave_impedance: 1}\n  pairs:"),
-            "rig.yaml:28: coupling.defaults.wave_impedance: no pair takes this default; remove it",
+            "rig.yaml:28: coupling.defaults.wave_impedance: no pair uses this default; remove it",
         ),
     ],
 )

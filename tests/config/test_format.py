@@ -50,7 +50,9 @@ def test_a_resolved_rig_of_version_1_is_read_where_it_means_the_same() -> None:
     text = BENCH.read_text()
     text = text[: text.index("coupling:")] + POSITION + text[text.index("# The truth") :]
     assert parse_rig(f"format: 1\n{text}").format == 2
-    with pytest.raises(ConfigError, match="drift_time_s: positions on a wave line do not drift"):
+    with pytest.raises(
+        ConfigError, match="drift_time_s: no longer needed: positions on a wave line do not drift"
+    ):
         parse_rig(text)
 
 
@@ -63,7 +65,7 @@ OLD = {
     "coupling.law": ("  law: wave", "  law: observed_wave"),
 }
 REMEDIES = {
-    "coupling.wave_filter_hz": "move it into each pair, as coupling.pairs.NAME.wave_filter_hz",
+    "coupling.wave_filter_hz": "move it to each pair, as coupling.pairs.NAME.wave_filter_hz",
     "coupling.pairs.lever.drift_time_s": "remove it",
     "coupling.law": "write law: wave",
 }
@@ -85,7 +87,7 @@ def test_a_velocity_filter_is_refused_where_nothing_reads_it() -> None:
     key = "slave.axes.lever.velocity_filter_s=0.002"
     assert parse_rig(BENCH.read_text(), overrides=[key])  # its wall has a damper
     undamped = "coupling.pairs.lever.wall_slave.damping=0"
-    with pytest.raises(ConfigError, match=r"nothing reads it here: .* see .*pole_slave; remove it"):
+    with pytest.raises(ConfigError, match=r"not used here: .* see .*pole_slave; remove it"):
         parse_rig(BENCH.read_text(), overrides=[key, undamped])
 
 

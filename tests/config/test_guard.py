@@ -35,11 +35,11 @@ def test_what_is_no_such_file_is_one_sentence(tmp_path: Path) -> None:
     assert refused(path) == "a.eds: not UTF-8 text (byte 0xe9 at offset 2)"
     path.write_bytes(b"a\n\xe9\0")
     assert refused(path, "utf-8", "latin-1") == (
-        "a.eds:2: no text (character U+0000), so not an EDS file"
+        "a.eds:2: not text (character U+0000), so not an EDS file"
     )
     path.unlink()
     path.mkdir()
-    assert refused(path) == "a.eds: a folder, not an EDS file"
+    assert refused(path) == "a.eds: a directory, not an EDS file"
 
 
 def test_another_encoding_is_tried_in_turn(tmp_path: Path) -> None:

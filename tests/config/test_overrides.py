@@ -92,7 +92,7 @@ def test_a_right_value_replaces_a_wrong_one() -> None:
         ("coupling.delay_s=", "Input should be a valid number (got null); the key has no value"),
         (
             "coupling.delay_s=0.0203",
-            "should be a whole number of samples at 1000 Hz; nearest: 0.02 or 0.021 (got 0.0203)",
+            "must be a whole number of samples at 1000 Hz; nearest: 0.02 or 0.021 (got 0.0203)",
         ),
         (
             "loop.cpus=1",
@@ -124,11 +124,11 @@ def test_a_right_value_replaces_a_wrong_one() -> None:
         ),
         (
             "simulation.hand.wrist.reference.waypoints.7=[1, 1]",
-            "simulation.hand.wrist.reference.waypoints has 2 items, counted from 0",
+            "simulation.hand.wrist.reference.waypoints has 2 items, indexed from 0",
         ),
         (
             "simulation.hand.wrist.reference.waypoints.last=[1, 1]",
-            "simulation.hand.wrist.reference.waypoints is a list; give a number, not 'last'",
+            "simulation.hand.wrist.reference.waypoints is a list; use an index, not 'last'",
         ),
         (
             "name={unclosed",
@@ -150,7 +150,7 @@ def test_a_mistake_elsewhere_names_both_places() -> None:
     """The rate comes from the argument, the delay that does not fit it from the file."""
     said = problems(overrides=["rate_hz=30"])
     assert said == [
-        "rig.yaml:27: coupling.delay_s: should be a whole number of samples at 30 Hz; nearest: "
+        "rig.yaml:27: coupling.delay_s: must be a whole number of samples at 30 Hz; nearest: "
         "0 or 0.0333333333333 (got 0.02)"
     ]
 

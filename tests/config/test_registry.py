@@ -41,7 +41,7 @@ def test_unknown_simulator() -> None:
 
 
 def test_a_driver_is_no_simulator() -> None:
-    with pytest.raises(ConfigError, match="is no SimulatorPlugin but of type DriverPlugin"):
+    with pytest.raises(ConfigError, match="is not a SimulatorPlugin but of type DriverPlugin"):
         registry.load_simulator("loopback")
 
 
@@ -86,7 +86,7 @@ def test_list_survives_broken_plugins() -> None:
     assert found["loopback"].missing == ()
     assert not found["loopback"].hardware
     assert "ModuleNotFoundError" in found["halfway"].missing[0]
-    assert "is no DriverPlugin" in found["number"].missing[0]
+    assert "is not a DriverPlugin" in found["number"].missing[0]
 
 
 @pytest.mark.installed

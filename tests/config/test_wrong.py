@@ -51,7 +51,7 @@ def test_missing_file(tmp_path: Path) -> None:
 
 
 def test_folder(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="a folder, not a rig file"):
+    with pytest.raises(ConfigError, match="a directory, not a rig file"):
         load_rig(tmp_path)
 
 

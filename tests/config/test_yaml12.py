@@ -58,7 +58,7 @@ def test_keys_that_are_no_plain_text(text: str) -> None:
     parsed = parse_yaml(text)
     assert parsed.value == {}
     assert [problem.text for problem in parsed.problems] == [
-        "a key has to be plain text, without anchor, alias or tag"
+        "a key must be plain text, without anchor, alias or tag"
     ]
 
 

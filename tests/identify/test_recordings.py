@@ -159,7 +159,7 @@ def test_columns_are_found_by_their_names_or_requested(cli: Cli, tmp_path: Path)
     missing = cli("identify", named)
     assert missing.exit_code == 2
     assert missing.stderr.strip() == (
-        f"{named}: no column is named as the time; name it with --time (there are clock, a, b)"
+        f"{named}: no column name matches the time; give it with --time (there are clock, a, b)"
     )
     wrong = cli("identify", named, "--time", "clock", "--position", "c")
     assert "there is no column 'c'; there are clock, a, b" in wrong.stderr
@@ -175,7 +175,7 @@ def test_columns_are_found_by_their_names_or_requested(cli: Cli, tmp_path: Path)
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda p: p / "none.csv", "there is no such recording"),
+        (lambda p: p / "none.csv", "no such recording"),
         (lambda p: p / "none.txt", "is neither a rig"),
         (lambda p: write(p / "s.csv", SHORT), "too few"),
         (lambda p: write(p / "c.csv", STILL), "never changes"),

@@ -40,7 +40,7 @@ def test_each_packet_gets_what_the_trace_has_at_its_time_and_then_again() -> Non
         (GOOD + "nan,0.1,0\n", "t.csv:5: a time is"),
         (GOOD + "1e300,0.1,0\n", "t.csv:5: a time is"),
         (GOOD + "0.6,0.1,2\n", "a delay 0 to 60 s, and lost 0 or 1 (got 0.6,0.1,2)"),
-        (GOOD + "0.503,0.1,0\n", "t.csv:5: times have to rise"),
+        (GOOD + "0.503,0.1,0\n", "t.csv:5: times must increase"),
         ("time_s,delay_s,lost\n0,0,0\n", "t.csv: a trace needs at least two packets"),
     ],
 )

@@ -105,7 +105,7 @@ def test_a_share_that_is_none_is_refused_in_a_sentence(kept: Any) -> None:
 
 def test_a_law_with_an_account_of_its_own_is_refused_another() -> None:
     rig = rig_of(tree({"coupling.account": {}}))
-    with pytest.raises(ConfigError, match="law wave keeps accounts of its own; remove the block"):
+    with pytest.raises(ConfigError, match="law wave keeps its own accounts; remove the block"):
         check_ends(rig, command_delays(rig))
 
 
@@ -169,7 +169,7 @@ def test_without_a_limit_that_bounds_it_an_account_is_not_certified_or_refused()
     free = held(axis={"effort_rate_limit": None})
     found = certify(free).verdicts["passive"]
     assert not found.passed
-    assert "nothing bounds what it may give out; give effort_rate_limit" in found.reason
+    assert "its energy output is unbounded; give effort_rate_limit" in found.reason
     assert claimed_joules(free, "slave.a", command_delays(free)) == math.inf
     fast = held(axis={"velocity_limit": None})
     with pytest.raises(ConfigError, match=r"the slave's axis has no velocity_limit"):

@@ -125,5 +125,5 @@ def test_an_effort_is_measured_at_a_slave_with_a_sensor_or_not_at_all() -> None:
     with pytest.raises(ConfigError) as refused:
         end_constants(pair, "slave", bare)
     assert str(refused.value) == (
-        "effort: measured: the slave has no effort_sensor; add one, or take effort: observed"
+        "effort: measured: the slave has no effort_sensor; add one, or use effort: observed"
     )

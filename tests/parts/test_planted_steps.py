@@ -94,7 +94,7 @@ def test_what_is_not_finite_stops_the_run_and_names_the_law() -> None:
     made = bench(think=nan)
     control = controller(made.plugin, made.block())
     reported = drive(control, at_random())
-    assert "was asked by its coupling, law pd_injection, for what is not finite" in reported.reason
+    assert "was commanded a non-finite effort by its coupling, law pd_injection" in reported.reason
     place = control.place()
     assert place is not None
     assert place.reason == "coupling_not_finite"

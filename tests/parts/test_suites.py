@@ -194,7 +194,7 @@ def test_rounding_is_no_gift_and_what_is_more_is_caught(share: float, given: boo
     bench = planted(lambda p, x, v: -x + math.copysign(share * x, v) if v else -x)
     suite = EnvironmentContract()
     if given:
-        with pytest.raises(AssertionError, match=r"it gives energy at -1\.0, 1\.0"):
+        with pytest.raises(AssertionError, match=r"it generates energy at -1\.0, 1\.0"):
             suite.test_motion_is_opposed(bench)
     else:
         suite.test_motion_is_opposed(bench)
@@ -204,7 +204,7 @@ def test_rounding_is_measured_against_the_force_however_slow_the_motion() -> Non
     def force(p: Any, x: float, v: float) -> float:
         return -x + math.copysign(3e-12 * x, v) if 0.0 < math.fabs(v) < 0.01 else -x
 
-    with pytest.raises(AssertionError, match=r"it gives energy at -1\.0, 0\.001"):
+    with pytest.raises(AssertionError, match=r"it generates energy at -1\.0, 0\.001"):
         EnvironmentContract().test_motion_is_opposed(planted(force))
 
 

@@ -71,7 +71,7 @@ def test_what_is_missing_in_the_recording_is_not_compared(run: Run, tmp_path: Pa
     assert len(left) == pytest.approx(1100, abs=5)
     assert found.explained > 0.999
     none = csv(tmp_path / "b.csv", t=T, slave_position=np.nan * Y)
-    with pytest.raises(ConfigError, match="no two rows"):
+    with pytest.raises(ConfigError, match="fewer than two rows"):
         compare_recording(run, none)
 
 
@@ -95,7 +95,7 @@ def test_what_cannot_be_compared_is_said(
 
 def test_a_run_that_is_over_before_is_refused(run: Run, tmp_path: Path) -> None:
     file = csv(tmp_path / "a.csv", t=T[:50], slave_position=Y[:50])
-    with pytest.raises(ConfigError, match="less than 100 cycles"):
+    with pytest.raises(ConfigError, match="fewer than 100 cycles"):
         compare_recording(run, file)
 
 

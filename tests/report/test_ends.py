@@ -69,7 +69,7 @@ def test_beyond_the_claim_exits_three_with_both_numbers() -> None:
     after = recheck_run(found)["certificate"]["after_run"]
     assert after["invalidated"]  # though nothing was certified
     assert final_code(0, invalidated=True, incomplete=False) == 3
-    assert "gave out 50\u202fmJ, more than its claim of 20\u202fmJ" in after["sentences"][0]
+    assert "supplied 50\u202fmJ, more than its claim of 20\u202fmJ" in after["sentences"][0]
     assert after["ends"]["master.lever"]["given_j"] == pytest.approx(0.05)
 
 
@@ -80,7 +80,7 @@ def test_a_blow_is_reported_and_is_no_part_of_the_claim() -> None:
     after = found.summary["certificate"]["after_run"]
     assert not after["invalidated"]
     assert (
-        "50\u202fmJ of it in a blow beyond its velocity limit; its claim is 20\u202fmJ"
+        "50\u202fmJ of it in an impact beyond its velocity limit; its claim is 20\u202fmJ"
         in after["notes"][0]
     )
     assert after["notes"][0] in verdicts(found)[-1].sentences
@@ -101,16 +101,16 @@ def reported(given: float, way: float, true: float | None = 0.03) -> Run:
     [
         (
             0.019, 1e-4, ("20 mJ", "30 mJ", "19 mJ", "none", "kept"),
-            "master.lever gave out 19 mJ of the 20 mJ that it claims", "ok",
+            "master.lever supplied 19 mJ of the 20 mJ that it claims", "ok",
         ),
         (
             0.05, 1e-4, ("20 mJ", "30 mJ", "50 mJ", "none", "not kept"),
-            "master.lever gave out 50 mJ, and claims 20 mJ", "bad",
+            "master.lever supplied 50 mJ, and claims 20 mJ", "bad",
         ),
         (
             0.05, 6.0 / 2000.0, ("20 mJ", "30 mJ", "50 mJ", "50 mJ", "kept"),
-            "master.lever gave out 0 J of the 20 mJ that it claims; "
-            "master.lever 50 mJ more in a blow from outside", "ok",
+            "master.lever supplied 0 J of the 20 mJ that it claims; "
+            "master.lever 50 mJ more in an external impact", "ok",
         ),
     ],
     ids=["kept", "broken", "hit"],

@@ -297,7 +297,7 @@ def test_pictures_of_another_run_are_refused(tmp_path: Path) -> None:
     run = filmed(tmp_path / "run", late_ns=1)
     code, said = export(run, "--task", "rest", "--out", tmp_path / "set")
     assert code != 0
-    assert "camera-wrist.mcap: its pictures are of another run" in said
+    assert "camera-wrist.mcap: its pictures are from a different run" in said
     assert not (tmp_path / "set").exists()
     code, said = export(run, "--task", "rest", "--out", tmp_path / "set", "--no-video")
     assert code == 0

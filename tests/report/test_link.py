@@ -98,7 +98,7 @@ def test_a_quantum_beyond_the_reserve_breaks_the_certificate(quanta: int) -> Non
     after = recheck_run(found)["certificate"]["after_run"]
     assert bool(after.get("invalidated")) is (quanta == 1)
     said = " ".join(after.get("sentences", ()))
-    assert said.startswith("receiver of master.lever: gave out 1") is (quanta == 1)
+    assert said.startswith("receiver of master.lever: supplied 1") is (quanta == 1)
 
 
 def test_the_network_has_no_reserve() -> None:

@@ -44,7 +44,7 @@ def test_the_terminal_says_what_people_did(operated: tuple[str, Path]) -> None:
     assert "Operation engaged 1 time, 798 ms in all" in said
     assert "episode 1 <b>pick</b>, red block?[31m: success, 100 ms to 1.3 s" in said
     assert "episode 2 again: not said, 1.5 s to 1.8 s" in said
-    assert "refused 1; the last after 1 s: engage: not while engaged" in said
+    assert "refused 1; the last after 1 s: engage: not possible while engaged" in said
 
 
 @pytest.mark.slow

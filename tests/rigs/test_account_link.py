@@ -175,6 +175,6 @@ def test_two_sites_without_an_account_are_refused() -> None:
     found = data("position", None, BAD)
     found["sites"] = {"serves": "slave", "slave": {"address": "127.0.0.1"}}
     with pytest.raises(
-        ConfigError, match="law position without an account works in one process only"
+        ConfigError, match="law position without an account runs in one process only"
     ):
         rig_of(found)

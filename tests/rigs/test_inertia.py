@@ -180,7 +180,7 @@ def test_without_a_limit_nothing_bounds_what_it_may_give_out(key: str) -> None:
     found = [e for e in certify(rig.model_copy(update=sides)).elements if e.kind == "inertia"]
     assert [element.passive.passed for element in found] == [False, True]
     assert found[0].passive.reason == (
-        f"inertia of master.lever: nothing bounds what it may give out; give {key}"
+        f"inertia of master.lever: its energy output is unbounded; give {key}"
     )
 
 

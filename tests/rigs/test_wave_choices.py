@@ -259,7 +259,7 @@ def test_poles_in_their_order(
         (0.5, "0.5, the first that is certified"),
         (0.3, "0.3, the first that is certified, not 0.5"),
         ("plain", "plain, the first that is certified, not 0.5 to 0.0"),
-        (None, "plain, for the certificate takes none"),
+        (None, "plain, because no pole is certified"),
     ],
 )
 def test_a_pole_beside_a_given_impedance(
@@ -290,7 +290,7 @@ def test_an_axis_that_takes_velocity_leaves_the_choice_to_the_other(
     monkeypatch.setattr(Asked, "takes", certificate(1.0, 1.0, 1.0))
     left = first(choose=False)
     found = choose_pair(taking_velocity(left, "slave"), "lever")
-    assert found["pole_slave"] == ("plain", "plain, for the axis takes velocity")
+    assert found["pole_slave"] == ("plain", "plain, because the axis is velocity-controlled")
     assert found["wave_impedance"].value == pytest.approx(0.045)
     with pytest.raises(ConfigError, match="needs an axis that takes effort; give a number"):
         choose_pair(taking_velocity(left, "master", "slave"), "lever")
@@ -333,7 +333,7 @@ def test_a_lossless_line_has_no_choice_where_there_is_noise(tmp_path: Path) -> N
 def test_without_noise_and_step_there_is_no_filter() -> None:
     silent = [*both("position_noise", 0), *both("encoder_quantum", 0)]
     found = first(*silent, f"{PAIR}.wave_impedance=0.02").choices["pairs.lever.wave_filter_hz"]
-    assert found == (None, "none, for no noise and no encoder step is stated")
+    assert found == (None, "none, because no noise or encoder step is given")
 
 
 @pytest.mark.slow

@@ -199,7 +199,7 @@ def test_without_a_velocity_limit_nothing_is_claimed() -> None:
     loaded = rig("slave.axes.lever.velocity_limit=null", name=NAME)
     with pytest.raises(ConfigError, match="slave's axis has no velocity_limit"):
         simulate(loaded)
-    whole = "nothing bounds what it may give out; give velocity_limit and effort_rate_limit"
+    whole = "its energy output is unbounded; give velocity_limit and effort_rate_limit"
     none = ("slave.axes.lever.velocity_limit=null", "slave.axes.lever.effort_rate_limit=null")
     for changes, last in ((none[:1], "velocity_limit"), (none[1:], "effort_rate_limit")):
         found = element(certify(rig(*changes, name=NAME)), "slave.lever port").passive.reason

@@ -113,7 +113,7 @@ def test_none_is_pulled_while_one_has_a_place_outside_its_range() -> None:
     assert made.granted == 0.0
     assert made.is_late(0)
     why = made.hindrance(["a", "b", "c"], [], [])
-    assert why == "c not aligned: its place, 4.5, is outside of its position_range"
+    assert why == "c not aligned: its target, 4.5, is outside its position_range"
     made.begin(50, keep_offset=True)
     made.start(50)
     assert not made.is_late(51)
@@ -173,5 +173,5 @@ def test_a_run_holds_where_a_slave_cannot_follow() -> None:
     done = operate(bench(STILL, FREE, *BARE, *keys, narrow), "0.1 engage", 0.5)
     assert done.words() == [("engage", "aligning"), ("blocked", "holding")]
     text = done.control.journal.entries[-1].text
-    assert "lever not aligned: its place, -0.2, is outside of its position_range" in text
+    assert "lever not aligned: its target, -0.2, is outside its position_range" in text
     assert np.abs(done.columns["slave.lever.position"]).max() < 1e-3  # it stayed

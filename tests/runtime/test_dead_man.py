@@ -80,7 +80,7 @@ def test_a_device_that_is_not_there_is_refused_in_a_sentence(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ("{KEY_NONE: engage}", "there is no key KEY_NONE; keys are KEY_A"),
+        ("{KEY_NONE: engage}", "unknown key KEY_NONE; keys are KEY_A"),
         ("{KEY_A: jump}", "'toggle', 'engage'"),
     ],
 )
@@ -112,7 +112,7 @@ def test_a_rig_engages_only_while_the_dead_man_is_held_and_holds_when_it_is_rele
         ("engage", "aligning"), ("aligned", "engaged"),
     ]  # fmt: skip
     said = [entry.text for entry in done.control.journal.entries]
-    assert said[0] == "engage: hold the dead-man first: pedal"
+    assert said[0] == "engage: press the dead-man first: pedal"
     assert said[3] == "pedal: the dead-man was released"
 
 

@@ -127,7 +127,7 @@ def test_a_wrong_action_is_in_the_journal_and_moves_nothing() -> None:
 
 
 def test_without_an_operate_block_nobody_could_send_actions() -> None:
-    with pytest.raises(ConfigError, match="write operate"):
+    with pytest.raises(ConfigError, match="add operate"):
         load_rig(ROOT / "configs" / "bench-1dof-loopback.yaml", [HAND])
 
 
@@ -152,7 +152,7 @@ def test_any_rig_gets_virtual_masters_and_what_they_may_do_is_stated(tmp_path: P
     damping = held.damping * 0.075**2
     speed, effort = 0.25 * 15.0, believed.effort_limit
     assert found.numbers["power_w"] == pytest.approx((effort + damping * speed) * speed)
-    assert "what the policy wants is not" in found.passive.reason
+    assert "the policy's intent is not" in found.passive.reason
     assert found.passive.state == "conditional"
     assert list(policy_elements(whole)) == []
 

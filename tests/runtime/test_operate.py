@@ -247,7 +247,7 @@ def test_a_fault_is_held_acknowledged_and_engaged_again_in_one_session() -> None
     ]  # fmt: skip
     said = {entry.word: entry.text for entry in done.control.journal.entries[2:4]}
     assert "master.lever left its position range" in said["fault"]
-    assert said["engage"] == "engage: refused after a fault; look at it, then: rest"
+    assert said["engage"] == "engage: rejected after a fault; check it, then send: rest"
     assert np.abs(done.residual()).max() <= 1e-12
 
 
@@ -353,15 +353,15 @@ def test_an_unknown_word_is_noted_and_the_space_bar_engages_and_lets_go() -> Non
     done = operate(bench(STANDING, FREE, *BARE), "0.1 hold\n0.2 clutch", 0.3)
     assert done.words() == [("hold", "holding"), ("clutch", "holding")]
     assert done.control.journal.entries[1].text == (
-        "clutch: not while holding; possible: engage, rest, stop, scale"
+        "clutch: not possible while holding; possible: engage, rest, stop, scale"
     )
 
 
 def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
     journal = Journal()
-    assert journal.mark(1.0, "pick the red one") == "episode 1 begins"
+    assert journal.mark(1.0, "pick the red one") == "episode 1 started"
     assert journal.running == 1
-    assert journal.mark(2.0, "failed") == "episode 1 ends"
+    assert journal.mark(2.0, "failed") == "episode 1 ended"
     journal.mark(3.0, "")
     one, two = journal.summary(5.0)["episodes"]
     assert (one["name"], one["task"], one["success"]) == ("pick", "the red one", False)
@@ -379,7 +379,7 @@ def test_who_presses_the_same_button_as_another_undoes_nothing() -> None:
         "episode success: no episode is running",
         "episode 1 is running; end it first, with success or failed",
         "episode failed: no episode is running",
-        "scale: this rig has its own only; others are listed in operate.scales",
+        "scale: this rig has no other scales; list them in operate.scales",
     ]
 
 
@@ -396,4 +396,4 @@ def test_an_effort_sensor_that_friction_cannot_balance_blocks_an_alignment(
         said = [entry.text for entry in done.control.journal.entries if entry.word == st.BLOCKED]
         assert bool(said) == (offset > 0.0)
         if said:
-            assert "slave.lever: its effort sensor shows +0.4 N m" in said[0]
+            assert "slave.lever: its effort sensor reads +0.4 N m" in said[0]

@@ -38,7 +38,7 @@ def test_a_guard_names_its_limit_with_units(code: int, passed: str) -> None:
 
 def test_what_keeps_pairs_from_engaging_is_measured_against_named_limits() -> None:
     reported = unarmed_sentence([("master.a", "rad", LIMIT), ("slave.a", "m", LIMIT)])
-    assert "10% of its effort limit (master.a 2 N m, slave.a 2 N) while standing" in reported
+    assert "10% of its effort limit (master.a 2 N m, slave.a 2 N) at rest" in reported
 
 
 def test_an_overrun_says_what_was_allowed() -> None:

@@ -128,14 +128,14 @@ def test_a_viewer_sees_rows_of_a_run_and_nothing_is_left_of_it(tmp_path: Path) -
         Tap.of_run(live)
     done = CliRunner().invoke(main, ["view", str(tmp_path)])
     assert done.exit_code != 0
-    assert "no run is going on here" in done.output
+    assert "no run in progress here" in done.output
 
 
 def test_another_process_descriptor_is_no_ring(tmp_path: Path) -> None:
     with open(tmp_path / "x", "wb") as file, pytest.raises(RecordingError, match="has ended"):
         Tap.of_run(Live(os.getpid(), file.fileno(), COLUMNS, 64, 1.0, {}))
     (tmp_path / "live.json").write_text("[]")
-    with pytest.raises(RecordingError, match="is not what a run leaves here"):
+    with pytest.raises(RecordingError, match="was not written by a run"):
         read_live(tmp_path)
 
 
@@ -165,7 +165,7 @@ def test_what_was_said_last_is_shown_in_two_lines_without_controls() -> None:
 
     assert news_lines("") == news_lines("[]") == news_lines('[[1, {"at_s": 1}]]') == []
     assert news_lines(said("engage", "")) == ["last  3.2 s, engage by key"]
-    refusal = "engage: refused after a fault; look at it, then: rest"
+    refusal = "engage: rejected after a fault; check it, then send: rest"
     assert news_lines(said("engage", refusal)) == [f"last  3.2 s, {refusal}"]
     assert news_lines(said("fault", "it \x1b[2Jis hot")) == ["last  3.2 s, fault: it ?[2Jis hot"]
     long = news_lines(said("fault", 40 * "over-temperature "), 40)

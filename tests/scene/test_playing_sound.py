@@ -87,7 +87,7 @@ def test_the_library_plays_where_no_command_does(players, monkeypatch):
 
 
 def test_no_sound_and_a_broken_one(players, tmp_path):
-    assert _played(tmp_path) == "not played: this run left no sound"
+    assert _played(tmp_path) == "not played: this run produced no sound"
     (tmp_path / "output.wav").write_bytes(b"RIFF")
     assert _played(tmp_path).startswith(f"not played: {tmp_path / 'output.wav'} cannot be read")
 

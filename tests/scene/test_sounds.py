@@ -104,7 +104,7 @@ def test_no_bytes_raise_anything_but_a_sentence(tmp_path_factory, garbage, cut):
         (b"ID3 and so on, no sound", "s.wav is not a WAV file"),
         (b"RF64" + wav_bytes(VALUES)[4:], "is an RF64 file; save it as plain WAV"),
         (wav_bytes([]), "contains no samples"),
-        (wav_bytes(VALUES)[:-4], "truncated: 12 bytes of sound are announced, 8 are there"),
+        (wav_bytes(VALUES)[:-4], "truncated: 12 bytes are expected, but only 8 are present"),
         (wav_bytes(VALUES)[:40], "is corrupt: "),
         (wav_bytes(VALUES, kind=6), "coded as A-law; save it as PCM or float"),
         (wav_bytes(VALUES, bits=16, kind=3)[:20], "is corrupt"),

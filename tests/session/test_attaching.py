@@ -297,7 +297,7 @@ def test_a_second_server_is_refused_and_a_dead_one_is_known(run: Any, tmp_path: 
     with sim(rig) as (child, _):
         reported = tautwave("sim", rig, cwd=tmp_path)
         assert reported.exit_code == 5
-        assert f"process {child.pid} (tautwave sim) serves its devices already" in reported.stderr
+        assert f"process {child.pid} (tautwave sim) already serves its devices" in reported.stderr
         child.kill()
         child.wait()
         (left,) = directory().glob("*.json")
@@ -346,7 +346,7 @@ def test_two_runs_do_not_serve_on_one_endpoint_and_rigs_without_one_do_not_mind(
     with registered(rig, RUN, ["socketcan:vcan9"]):
         with (
             pytest.raises(
-                DriverError, match=r"socketcan:vcan9 is served by process \d+ \(tautwave"
+                DriverError, match=r"socketcan:vcan9 is already served by process \d+ \(tautwave"
             ),
             registered(other, RUN, ["socketcan:vcan9"]),
         ):

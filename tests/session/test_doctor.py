@@ -67,7 +67,7 @@ def test_locked_memory_needs_a_limit_or_root() -> None:
 
 
 def test_one_slow_core_is_enough(tmp_path: Path) -> None:
-    assert machine.governor(tmp_path).found == "no frequency scaling here"
+    assert machine.governor(tmp_path).found == "no frequency scaling"
     put(tmp_path, f"{CPU}/cpu0/cpufreq/scaling_governor", "performance")
     assert machine.governor(tmp_path).state == GOOD
     put(tmp_path, f"{CPU}/cpu1/cpufreq/scaling_governor", "powersave")
@@ -79,7 +79,7 @@ def test_one_slow_core_is_enough(tmp_path: Path) -> None:
 def test_a_slow_clock_is_exchanged_only_where_there_is_a_faster_one(tmp_path: Path) -> None:
     assert machine.clock(tmp_path).state == UNKNOWN
     put(tmp_path, f"{CLOCK}/current_clocksource", "hpet")
-    assert machine.clock(tmp_path).command == "the processor offers no faster one"
+    assert machine.clock(tmp_path).command == "the processor has no faster one"
     put(tmp_path, f"{CLOCK}/available_clocksource", "hpet tsc acpi_pm")
     assert machine.clock(tmp_path).command == f"echo tsc | sudo tee /{CLOCK}/current_clocksource"
     assert machine.clock(put(tmp_path, f"{CLOCK}/current_clocksource", "tsc")).state == GOOD
@@ -121,7 +121,7 @@ def details(bitrate: int = 1_000_000, state: str = "ERROR-ACTIVE") -> wires.Link
         ("0x1", "100", details(), GOOD, "up, 1000000 bit/s"),
         ("0x1", "100", lambda _: {}, GOOD, "up"),
         ("0x0", "100", details(), BARS, "down"),
-        ("0x1", "100", details(500_000), BARS, "500000 bit/s, the rig has 1000000"),
+        ("0x1", "100", details(500_000), BARS, "500000 bit/s, but the rig states 1000000"),
         ("0x1", "100", details(state="BUS-OFF"), BARS, "state BUS-OFF"),
         ("0x1", "10", details(), COSTS, "queue of 10 frames"),
     ],
@@ -156,7 +156,7 @@ def test_the_command_says_what_bars_a_run_by_its_exit_code(tmp_path: Path) -> No
     (barred,) = [one for one in json.loads(done.output) if one["state"] == "bars"]
     assert barred["what"] == "can77"
     done = CliRunner().invoke(main, ["doctor", str(path)])
-    assert "mend: plug the adapter in" in done.output
+    assert "fix: plug in the adapter" in done.output
     assert max(map(len, done.output.splitlines())) <= 100
 
 
@@ -212,14 +212,14 @@ def test_what_mends_an_interface_is_the_whole_command(tmp_path: Path) -> None:
     put(tmp_path, "sys/class/net/vcan3/flags", "0x0")
     barred, unknown = wires.can_interface("vcan3", tmp_path, 500_000, nothing)
     assert barred == Finding("vcan3", BARS, "down", "no frame passes", "sudo ip link set vcan3 up")
-    assert unknown == Finding("vcan3", UNKNOWN, "queue length: the kernel does not say")
+    assert unknown == Finding("vcan3", UNKNOWN, "queue length: unknown to the kernel")
     (gone,) = wires.can_interface("can9", tmp_path, None, nothing)
     assert gone == Finding(
         "can9",
         BARS,
         "is not there",
         "the run cannot open it",
-        "plug the adapter in and load its driver; `ip link` lists those there are",
+        "plug in the adapter and load its driver; `ip link` lists the interfaces present",
     )
 
 
@@ -230,7 +230,7 @@ def test_a_queue_holds_two_cycles_of_six_axes(tmp_path: Path, frames: str, costs
         "can0",
         COSTS,
         f"queue of {frames} frames",
-        "a cycle that sends more at once loses frames",
+        "frames beyond that in one cycle are lost",
         "sudo ip link set can0 txqueuelen 100",
     )
     assert found == [Finding("can0", GOOD, "up, 1000000 bit/s"), *([queue] * costs)]
@@ -244,4 +244,4 @@ def test_only_can_interfaces_and_usb_serial_ports_are_listed(tmp_path: Path) -> 
         put(tmp_path, f"dev/{name}", "")
     assert wires.serial_ports(tmp_path) == ["/dev/ttyACM0", "/dev/ttyUSB0", "/dev/ttyUSB1"]
     (found,) = wires.serial_port("/dev/ttyACM0", tmp_path)
-    assert found == Finding("/dev/ttyACM0", GOOD, "no latency timer to be set")
+    assert found == Finding("/dev/ttyACM0", GOOD, "no latency timer")

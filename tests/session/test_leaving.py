@@ -93,7 +93,7 @@ def test_who_is_lost_while_slaves_go_to_their_places_may_come_back(pair: Make) -
             two.renew("")
     two.run(150)
     why = str(two.slave.control.error())
-    assert "master is lost since 0.950 s: " in why
+    assert "master has been lost since 0.950 s: " in why
     assert "it stopped: too hot; not back within 0.3 s" in why
 
 
@@ -101,7 +101,7 @@ def test_a_session_that_is_asked_for_anew_has_its_time_too(pair: Make) -> None:
     two = pair(*PLACE, "link.lost_s=0.3")
     two.run(400)
     two.lag = lambda: 200
-    two.slave.control._renew("lever moved away before it began")
+    two.slave.control._renew("lever moved before the session began")
     two.run(250)
     assert two.slave.control.error() is None
     assert two.slave.control._left == ""

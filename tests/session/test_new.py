@@ -114,14 +114,14 @@ def test_an_example_is_copied_under_its_new_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("there.yaml",), "is there already, and is not replaced"),
-        (("rig.txt",), "ends in .yaml"),
+        (("there.yaml",), "already exists and is not overwritten"),
+        (("rig.txt",), "must end in .yaml"),
         (("a.yaml", "--bus", "dynamixel --prt x"), "no such option --prt; did you mean --port"),
-        (("a.yaml", "--bus", "loopback"), "cannot be surveyed"),
+        (("a.yaml", "--bus", "loopback"), "does not support scanning"),
         (("a.yaml", "--eds", "none.eds"), "none.eds: no such file"),
         (("a.yaml", "--profile", "none.yaml"), "none.yaml: no such file"),
-        (("a.yaml", "--from", "bench-1dof"), "no example is called 'bench-1dof'"),
-        (("a.yaml", "--eds", "a.eds", "--from", "b"), "exclude each other"),
+        (("a.yaml", "--from", "bench-1dof"), "there is no example 'bench-1dof'"),
+        (("a.yaml", "--eds", "a.eds", "--from", "b"), "mutually exclusive"),
     ],
 )
 def test_bad_input_is_one_sentence(
@@ -147,13 +147,13 @@ def test_devices_are_selected_by_bus_and_id() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1-2", "there are buses arm, hand; write BUS:IDS"),
-        ("leg:1", "there is no bus 'leg'"),
+        ("1-2", "buses: arm, hand; write BUS:IDS"),
+        ("leg:1", "no bus 'leg'"),
         ("arm:7", "bus arm has no device 7; it has 1-3"),
         ("arm:1 arm:1", "arm:1 is named twice"),
-        ("arm:3-1", "the smaller one first"),
+        ("arm:3-1", "the lower one first"),
         ("arm:x", "write ids like 1-6"),
-        ("", "names no device"),
+        ("", "lists no devices"),
     ],
 )
 def test_a_wrong_selection_says_what_there_is(text: str, said: str) -> None:
@@ -225,11 +225,10 @@ def test_each_line_that_does_not_open_is_told_before_nothing_is_found(tmp_path: 
     assert done.exit_code == 2
     *said, last = [line for line in done.stderr.splitlines() if line]
     assert said == [
-        f"{port}: there is no such device; plug the adapter in, or correct its path"
-        for port in ports
+        f"{port}: no such device; plug in the adapter, or correct its path" for port in ports
     ]
     assert last == (
-        "new: nothing was found that a rig can drive; are the devices supplied with power? "
+        "new: found no device that a rig can drive; are the devices powered? "
         "`tautwave scan DRIVER --help` lists the options of a scan"
     )
 

@@ -260,7 +260,7 @@ def test_who_is_gone_is_waited_for_in_a_hold_and_then_lost(pair: Make) -> None:
     assert two.slave.state == "holding"
     two.slave.ask("engage")
     two.run(1, two.slave)
-    assert "engage: master is not there: its program ended" in (
+    assert "engage: master is not connected: its program ended" in (
         two.slave.control.journal.entries[-1].text
     )
     while two.slave.slot < two.slave.control.end:
@@ -377,7 +377,7 @@ def test_both_sites_are_operated_or_neither_is() -> None:
     from tests.session.sites import RIG
 
     assert shared_keys(load_rig(RIG, ["operate={}"]))["operate"] is True
-    with pytest.raises(ConfigError, match="two sites cannot change both ends in one slot"):
+    with pytest.raises(ConfigError, match="two sites cannot change both ends in the same slot"):
         load_rig(RIG, ["operate={scales: [0.5]}"])
-    with pytest.raises(ConfigError, match=r"with two sites it is sites\.align_speed"):
+    with pytest.raises(ConfigError, match=r"with two sites, use sites\.align_speed"):
         load_rig(RIG, ["operate={align_speed: 0.1}"])

@@ -34,7 +34,10 @@ def answering(code: int, reported: str) -> Callable[..., Any]:
 @pytest.mark.parametrize(
     ("instead", "words"),
     [
-        (raising(KeyboardInterrupt()), "interrupted by Ctrl-C; `tautwave report {out}` writes it"),
+        (
+            raising(KeyboardInterrupt()),
+            "interrupted by Ctrl-C; run `tautwave report {out}` to write it",
+        ),
         (raising(subprocess.TimeoutExpired("x", 600)), "it took over 600 s; `tautwave report"),
         (answering(1, "Traceback\nMemoryError: no room\n"), "MemoryError: no room"),
         (answering(-9, ""), "no reason given"),

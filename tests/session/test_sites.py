@@ -60,7 +60,10 @@ def test_who_stays_away_is_lost_with_who_when_and_why(pair: Make) -> None:
         two.run(1, two.slave)
     error, place = two.slave.control.error(), two.slave.control.place()
     assert isinstance(error, LinkError)
-    assert "master is lost since 0.600 s: nothing came from it; not back within 1 s" in str(error)
+    assert (
+        "master has been lost since 0.600 s: nothing received "
+        "from it; not back within 1 s" in str(error)
+    )
     assert place is not None
     assert place.reason == "peer_lost"
     assert abs(two.slave["slave.lever.commanded"][-1]) < 1e-3  # the end of its ramp
@@ -91,7 +94,7 @@ def test_a_place_that_the_slave_cannot_reach_is_not_gone_to(pair: Make, stands: 
     said = {"at": {"lever": stands}, "to": None, "offsets": {}}
     two.slave.line.inbox.append({"peer": {"stands": said}})
     two.run(300, two.slave)
-    assert "is outside of its position_range" in two.slave.control._meeting.hindrance
+    assert "is outside its position_range" in two.slave.control._meeting.hindrance
     assert np.abs(two.slave["slave.lever.position"]).max() < 1e-3
     assert sum(two.slave.control._meeting.rest.granted) < 1e-2  # a hold's only
     two.until(lambda: two.slave.control._engaged, 5000)  # the master stands elsewhere in truth

@@ -129,11 +129,11 @@ def test_a_study_goes_on_only_by_its_own_protocol_and_table(tmp_path: Path) -> N
     for junk in ("foo\n", ",".join(FIRST) + "\nP1,first,near,1,,,\n", "\0"):
         (out / "trials.csv").write_text(junk)
         done = trials(study(tmp_path), "--out", str(out))
-        assert "is no table of trials; give another --out" in done.output
+        assert "is not a table of trials; give another --out" in done.output
         assert (out / "trials.csv").read_text() == junk
     (out / "trials.csv").unlink()
     (out / "protocol.json").write_text("[]")
-    assert "is no protocol of a study" in trials(study(tmp_path), "--out", str(out)).output
+    assert "is not a study protocol" in trials(study(tmp_path), "--out", str(out)).output
 
 
 def test_a_trial_orders_nothing_before_it_sees_its_rig(tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_a_break_is_kept_before_the_trial_that_follows_it_only(
     assert done.exit_code == 0, done.output
     assert done.output.count("break of 30 s") == 1
     assert clock.now_ns() - began == 30_000_000_000
-    assert "trial 2 of 6; Enter begins it" in done.output
+    assert "trial 2 of 6; press Enter to start" in done.output
 
 
 # -- triggers -------------------------------------------------------------------------------------

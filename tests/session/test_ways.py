@@ -184,7 +184,7 @@ def test_check_tells_the_ways_and_what_simulate_makes_of_them(tmp_path: Path) ->
 def test_a_rig_file_is_no_name_of_a_bus(tmp_path: Path) -> None:
     reported = tautwave("run", "--simulate", CONFIGS / f"{SERVOS}.yaml", cwd=tmp_path)
     assert reported.exit_code == 2
-    assert "put it behind the rig file" in reported.stderr
+    assert "put it after the rig file" in reported.stderr
 
 
 @pytest.mark.slow

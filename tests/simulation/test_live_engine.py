@@ -127,7 +127,7 @@ def test_compiling_is_announced_where_nothing_is_kept(
     monkeypatch.undo()
     CompiledControl(Pair(site(), site()).control)
     engine.compiled_devices(rig, lambda share, word: reported.append("again"))
-    assert reported == ["compiling the controller, once per machine and version"]
+    assert reported == ["compiling the controller (once per machine and version)"]
 
 
 @pytest.mark.slow

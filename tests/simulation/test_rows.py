@@ -135,7 +135,7 @@ def test_a_stop_on_one_pair_stops_the_other() -> None:
 def test_a_start_too_far_apart_is_refused_alike() -> None:
     rig = rig_of(tree({"coupling.pairs.a.offset": 0.02, "coupling.pairs.a.engage_tolerance": 0.01}))
     error = live_run(rig).result.error
-    assert "pair a: the slave starts +0.02 m from where the master wants it" in str(error)
+    assert "pair a: the slave starts +0.02 m away from where the master puts it" in str(error)
     assert "engage_tolerance (0.01 m at the slave)" in str(error)
     for engine in ("compiled", "python"):
         with pytest.raises(SafetyStop) as caught:

@@ -31,9 +31,9 @@ def test_each_site_gets_a_certificate_that_names_it(tmp_path: Path) -> None:
     [
         (["master"], "a session joins two sites of different names"),
         (["a", "a"], "a session joins two sites of different names"),
-        (["authority", "b"], "'authority' is not a name for a site"),
-        (["A B", "b"], "'A B' is not a name for a site"),
-        (["../x", "b"], "is not a name for a site"),
+        (["authority", "b"], "'authority' is not a valid site name"),
+        (["A B", "b"], "'A B' is not a valid site name"),
+        (["../x", "b"], "is not a valid site name"),
     ],
 )
 def test_names_that_are_none_are_refused(tmp_path: Path, sites: list[str], sentence: str) -> None:

@@ -136,13 +136,13 @@ def test_the_certificate_of_another_site_is_refused_on_both_sides(
 ) -> None:
     clinic = dialling(keys / "ours", "clinic")
     one, two = sentences(*meet(listener, serving(keys / "ours"), clinic))
-    assert "its certificate is that of clinic, not of master" in one
-    assert "refused: your certificate is that of clinic, and master is expected here" in two
+    assert "its certificate belongs to clinic, not to master" in one
+    assert "refused: your certificate belongs to clinic, but master is expected here" in two
     wrong = dialling(keys / "ours", peer="clinic")
     one, two = sentences(*meet(listener, serving(keys / "ours"), wrong))
     assert "it refused our certificate: another name than it expects" in one
     assert "clinic at 127.0.0.1" in two
-    assert "its certificate is that of another site" in two
+    assert "its certificate belongs to another site" in two
 
 
 def test_an_expired_certificate_is_refused_on_both_sides(
@@ -154,8 +154,8 @@ def test_an_expired_certificate_is_refused_on_both_sides(
     monkeypatch.setattr(certificates, "datetime", shifted)
     make_authority(tmp_path / "old", ["master", "slave"], days=365)
     one, two = sentences(*meet(listener, serving(tmp_path / "old"), dialling(tmp_path / "old")))
-    assert "it says that our certificate has expired; make new keys" in one
-    assert "its certificate has expired; make new keys" in two
+    assert "it reports that our certificate has expired; create new keys" in one
+    assert "its certificate has expired; create new keys" in two
 
 
 def test_a_site_without_a_certificate_is_refused_on_both_sides(
@@ -168,7 +168,7 @@ def test_a_site_without_a_certificate_is_refused_on_both_sides(
         *meet(listener, serving(keys / "ours"), lambda at: dial(at, bare, "slave", SHARED, {}))
     )
     assert "it has no certificate" in one
-    assert "it requires a certificate and got none" in two
+    assert "it requires a certificate and received none" in two
 
 
 def test_what_is_no_tls_is_refused(listener: socket.socket, keys: Path) -> None:
@@ -194,12 +194,12 @@ def test_rigs_that_differ_are_refused_key_by_key(listener: socket.socket, keys: 
 @pytest.mark.parametrize(
     ("sent", "sentence"),
     [
-        (b"\xff\xfe\n", "sent something that is not a message"),
-        (b"[1, 2]\n", "sent something that is not a message"),
-        (b"[" * 30000 + b"\n", "sent something that is not a message"),
-        (b'{"protocol": NaN}\n', "sent something that is not a message"),
-        (b'{"protocol": 1e999}\n', "sent something that is not a message"),
-        (b'{"protocol": 1' + b"0" * 400 + b"}\n", "sent something that is not a message"),
+        (b"\xff\xfe\n", "sent an invalid message"),
+        (b"[1, 2]\n", "sent an invalid message"),
+        (b"[" * 30000 + b"\n", "sent an invalid message"),
+        (b'{"protocol": NaN}\n', "sent an invalid message"),
+        (b'{"protocol": 1e999}\n', "sent an invalid message"),
+        (b'{"protocol": 1' + b"0" * 400 + b"}\n", "sent an invalid message"),
         (b"{}\n", "protocol None there, 1 here"),
         (b"x" * 70000, "sent a message of over 65536 bytes"),
     ],
@@ -226,14 +226,14 @@ def test_bad_messages_are_a_sentence(
 def test_nobody_there_is_a_sentence(keys: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = server.getsockname()
-    with pytest.raises(LinkError, match="nothing listens there; start the other site first"):
+    with pytest.raises(LinkError, match="connection refused; start the other site first"):
         dialling(keys / "ours")(address)
 
 
 def test_files_that_do_not_go_together_are_refused(keys: Path, tmp_path: Path) -> None:
     files = identity_files(keys / "ours", "master")
     other = identity_files(keys / "theirs", "master")
-    with pytest.raises(LinkError, match="do not go together"):
+    with pytest.raises(LinkError, match="do not match"):
         server_context(files._replace(key=other.key))
 
 

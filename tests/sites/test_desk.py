@@ -162,7 +162,7 @@ def test_a_site_that_says_nothing_is_dropped_and_not_before(
         work = threading.Thread(target=kept._work, args=(listener,))
         work.start()
         other.settimeout(30.0)
-        assert json.loads(other.recv(1000)) == {"lost": "master was not heard for 0.6 s"}
+        assert json.loads(other.recv(1000)) == {"lost": "master was silent for 0.6 s"}
         assert time.monotonic() - kept._heard > 0.6
         assert said[0] == {"beat": True}
         other.close()
@@ -177,7 +177,7 @@ def test_a_word_too_long_for_the_loop_is_not_cut_in_two(keys: Path) -> None:
     with one, other:
         desk = Desk(order, one)
         desk._tell("peer", "\u00e9" * 20_000)  # of which JSON makes six times as many
-        assert json.loads(other.recv(65536)) == {"note": "master sent more than a message holds"}
+        assert json.loads(other.recv(65536)) == {"note": "master sent an oversized message"}
         desk._wake.close()
         desk._woken.close()
 

@@ -137,7 +137,7 @@ def test_without_the_kernel_s_time_the_process_takes_it_and_broken_pictures_are_
     assert camera.read(0.0) is None
     assert sorted(device.queued) == [0, 1, 2]
     device.gone = True
-    with pytest.raises(RecordingError, match="/dev/video0: has gone"):
+    with pytest.raises(RecordingError, match="/dev/video0: was disconnected"):
         camera.read(0.0)
     camera.close()
 
@@ -173,9 +173,9 @@ def test_yuyv_becomes_jpeg_in_its_colours(
     ("changes", "text"),
     [
         ({"capabilities": 0x80000000 | 1}, None),
-        ({"capabilities": 0x1}, "is no camera that streams"),
+        ({"capabilities": 0x1}, "is not a streaming camera"),
         ({"fourcc": b"H264"}, "neither MJPEG nor YUYV"),
-        ({"width": 64}, "gives 64 x 16 pixels instead of 32 x 16"),
+        ({"width": 64}, "delivers 64 x 16 pixels instead of 32 x 16"),
     ],
 )
 def test_what_is_no_usable_camera_is_one_sentence(

@@ -144,7 +144,7 @@ def test_a_message_that_is_too_long_and_one_viewer_too_many_are_refused(
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "::"])
 def test_every_address_at_once_is_none(address: str) -> None:
-    with pytest.raises(ConfigError, match="name the one address that viewers open"):
+    with pytest.raises(ConfigError, match="give the one address that viewers open"):
         open_door(address, 0, None, None)
 
 
@@ -155,7 +155,7 @@ def test_other_addresses_need_tls() -> None:
         open_door("evil.example", 0, None, None)
     with pytest.raises(ConfigError, match="belong together"):
         open_door("127.0.0.1", 0, Path("x"), None)
-    with pytest.raises(ConfigError, match="no TLS with these"):
+    with pytest.raises(ConfigError, match="unusable for TLS"):
         open_door("10.0.0.1", 0, Path("/nowhere/x"), Path("/nowhere/y"))
     assert len({open_door("127.0.0.1", 0, None, None).token for _ in range(9)}) == 9
 
@@ -187,7 +187,7 @@ def test_no_run_and_a_taken_port_are_one_sentence(
 ) -> None:
     done = CliRunner().invoke(main, ["view", str(tmp_path), "--page"])
     assert done.exit_code == 2
-    assert "no run is going on here" in done.output
+    assert "no run in progress here" in done.output
     run, door = serving
     order = ["view", str(run.directory), "--page", "--port", str(door.port)]
     done = CliRunner().invoke(main, order)

@@ -83,7 +83,7 @@ def test_the_set_and_the_corner_of_the_way_are_certified(monkeypatch: pytest.Mon
     names = ("bench-1dof", "bench-1dof at scale 0.5")
     assert certified == [(name, k, 5e-4) for k in (2.0, 3.0) for name in names]
     assert last_left(desk.address, 4) == (2.0, 5e-4, 1.1, 50.0)
-    with pytest.raises(NotCertifiedError, match=r"not on the way: lower first.*too much"):
+    with pytest.raises(NotCertifiedError, match=r"not in between: first lower.*too much"):
         asyncio.run(tune(run, rig, asked_of(run, ROW, {B: 8e-4})))
     with pytest.raises(NotCertifiedError, match=r"^too much"):
         asyncio.run(tune(run, rig, asked_of(run, ROW, {K: 20.0})))
@@ -108,7 +108,7 @@ def test_a_claim_that_would_grow_is_refused() -> None:
     rig = load_rig(BENCH)
     tuner._keep_claims(rig, rig)
     tuner._keep_claims(rig, with_values(rig, {FILTER: 50.0}))
-    with pytest.raises(NotCertifiedError, match="fixed before the run"):
+    with pytest.raises(NotCertifiedError, match="stated before the run"):
         tuner._keep_claims(rig, with_values(rig, {"coupling.pairs.lever.wave_impedance": 0.05}))
 
 
@@ -130,7 +130,7 @@ def test_a_claim_may_differ_by_its_rounding_and_no_more(
             tuner._keep_claims(rig, changed)
         assert str(refused.value) == (
             f"{side}.lever: its port would claim {before * share:.4g} J, more than the "
-            f"{before:.4g} J that were fixed before the run"
+            f"{before:.4g} J stated before the run"
         )
 
 

@@ -43,7 +43,7 @@ def test_commands_reach_the_run_as_lines_with_their_source() -> None:
             send(mailbox.address, "page", "x" * 5000)
         for _ in range(16):  # what a pipe holds
             send(mailbox.address, "page", "y" * 4000)
-        with pytest.raises(RecordingError, match="too many are waiting"):
+        with pytest.raises(RecordingError, match="too many are queued"):
             send(mailbox.address, "page", "y" * 4000)
     with pytest.raises(RecordingError, match="has ended"):
         send(mailbox.address, "page", "engage")
@@ -63,7 +63,7 @@ def test_a_run_without_commands_is_interrupted_once(
     monkeypatch.setattr(os, "kill", lambda *to: sent.append(to))
     nothing: Any = SimpleNamespace()
     run = Watched(Path(), Live(writer.pid, 0, (), 1, 1.0, {"pid": os.getpid()}), nothing)
-    with pytest.raises(RecordingError, match="takes no commands but stop"):
+    with pytest.raises(RecordingError, match="accepts no commands except stop"):
         run.command("page", "engage")
     run.command("page", " stop ")
     run.command("page", "stop")  # a second signal would leave at once
@@ -157,5 +157,5 @@ def test_who_is_elsewhere_needs_tls_and_the_token_to_look(tmp_path: Path) -> Non
 
     assert asyncio.run(both()) == ["1008", "hello"]
     assert urls[0].startswith("https://127.0.0.1:")
-    with pytest.raises(ConfigError, match="no TLS with these"):
+    with pytest.raises(ConfigError, match="unusable for TLS"):
         open_door("127.0.0.1", 0, tmp_path / "c.pem", tmp_path / "c.pem")

@@ -62,7 +62,7 @@ class Site:
         site = cls._sites[where]
         if site.fps != fps:
             raise ConfigError(
-                f"{where}: a policy leads this rig, so there is no teleoperator; leave --teleop out"
+                f"{where}: a policy drives this rig, so there is no teleoperator; omit --teleop"
             )
         return site
 
@@ -92,8 +92,8 @@ class Site:
                     state = session.state
                     self._end()
                     raise DeviceNotConnectedError(
-                        f"{self.path}: not engaged after {ENGAGE_S:g} s, but {state}; "
-                        f"{folder}/report.html says why"
+                        f"{self.path}: not engaged after {ENGAGE_S:g} s (state: {state}); see "
+                        f"{folder}/report.html"
                     )
         self._users.add(who)
 
@@ -129,8 +129,8 @@ class Site:
         age = session.age_s(self._row)
         if age > max(STALE_S, 3.0 / self.rig.rate_hz):
             raise DeviceNotConnectedError(
-                f"{self.path}: no new row for {age:.3f} s: the run has ended, or its machine is "
-                f"held up; see {session.directory}"
+                f"{self.path}: no new row for {age:.3f} s: the run has ended or its machine is "
+                f"stalled; see {session.directory}"
             )
         return self._row
 
@@ -151,15 +151,17 @@ class Site:
         """
         session = self._session
         if session is None:
-            raise DeviceNotConnectedError(f"{self.path}: no run that an action could drive")
+            raise DeviceNotConnectedError(
+                f"{self.path}: no run is in progress, so an action has no effect"
+            )
         names = {name: column.split(".")[1] for column, name in self.signals().action.items()}
         unknown = [name for name in action if name not in names]
         if unknown:
             raise ConfigError(f"action {unknown[0]}: the rig has {', '.join(names)}")
         if (state := session.state) != "engaged":
             raise DeviceNotConnectedError(
-                f"{self.path}: {state}, not engaged: three frames without an action, a guard or a "
-                f"person let go of it; see the report in {session.directory}"
+                f"{self.path}: {state}, not engaged: three frames passed without an action, or a "
+                f"guard or a user disengaged it; see the report in {session.directory}"
             )
         try:
             session.lead({names[name]: float(value) for name, value in action.items()})
@@ -180,6 +182,6 @@ class Site:
                 gave = "none" if led is None else format(led, ".6g")
                 raise ConfigError(
                     f"action {name} = {float(value):.6g} did not come from the master of "
-                    f"{self.path}, which gave {gave}: this rig is led by a hand, and takes no "
-                    "action of a policy or a replay"
+                    f"{self.path}, which sent {gave}: this rig is driven by hand and accepts no "
+                    "actions from a policy or a replay"
                 )

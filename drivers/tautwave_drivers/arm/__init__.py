@@ -59,7 +59,7 @@ def _elements(
 
 
 def _scan(options: Any, progress: ScanProgress = no_progress) -> Sequence[dict[str, Any]]:
-    raise ConfigError("an arm is found by its joints: scan their bus instead")
+    raise ConfigError("an arm cannot be scanned; scan the bus of its joints instead")
 
 
 plugin = DriverPlugin(

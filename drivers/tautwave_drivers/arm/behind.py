@@ -98,7 +98,7 @@ class JointsBehind:
             low, high = joint.position_range
             speed = abs(stride) / self._period
             if not low <= at <= high:
-                what = f"stands at {at:.4g}, outside of its position_range [{low:g}, {high:g}]"
+                what = f"is at {at:.4g}, outside its position_range [{low:g}, {high:g}]"
             elif speed > joint.velocity_limit:
                 what = f"moves at {speed:.4g}, beyond its velocity_limit {joint.velocity_limit:g}"
             else:

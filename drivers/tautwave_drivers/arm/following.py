@@ -113,8 +113,8 @@ class FollowingArm(JointsBehind):
             # A NaN in the account counts as overdrawn.
             if not self._mapped <= self._granted + (OVERDRAWN - 1.0) * self._reserve:
                 self._fail(
-                    f"the arm gave out {self._mapped:.3g} J beyond what its tip's ports know of, "
-                    f"reserve is {self._reserve:g}"
+                    f"the arm supplied {self._mapped:.3g} J beyond what its tip's ports account "
+                    f"for; its reserve is {self._reserve:g}"
                 )
         self._known = True
         self._slots = 0

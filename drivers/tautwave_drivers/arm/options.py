@@ -35,22 +35,20 @@ class ArmJoint(Block):
     """One joint: where it is, and what is believed of it."""
 
     id: Annotated[int, Field(ge=0)] = Field(description="The device's number on the joints' bus.")
-    effort_limit: Positive = Field(description="[N m | N] Greatest effort, weight included.")
-    velocity_limit: Positive = Field(description="[rad/s | m/s] Above it the run stops.")
-    position_range: tuple[float, float] = Field(
-        description="[rad | m] Outside of it the run stops."
-    )
+    effort_limit: Positive = Field(description="[N m | N] Maximum effort, weight included.")
+    velocity_limit: Positive = Field(description="[rad/s | m/s] The run stops above it.")
+    position_range: tuple[float, float] = Field(description="[rad | m] The run stops outside it.")
     inertia_lower: NonNegative = Field(
         default=0.0,
-        description="[kg m^2 | kg] Lower bound of the motor's own inertia, beside the links'; "
-        "for a joint that takes effort.",
+        description="[kg m^2 | kg] Lower bound of the motor's own inertia, without the links; for "
+        "effort-controlled joints.",
     )
     damping_lower: NonNegative = Field(
         default=0.0, description="[N m s/rad | N s/m] Lower bound of the joint's damping."
     )
     encoder_quantum: NonNegative = Field(default=0.0, description="[rad | m] Encoder step.")
     position_noise: NonNegative = Field(
-        default=0.0, description="[rad | m] Standard deviation of the position's noise, white."
+        default=0.0, description="[rad | m] Standard deviation of the white position noise."
     )
 
 
@@ -89,27 +87,28 @@ class ArmOptions(Block):
     )
     carry: bool = Field(
         default=True,
-        description="Carry the arm's weight by the joints' efforts; where they follow velocities, "
-        "take it off the efforts that they measure.",
+        description="Compensate for the arm's weight with the joint efforts; on "
+        "velocity-controlled joints, subtract it from the measured efforts.",
     )
     posture: NonNegative = Field(
         default=0.0,
-        description="[N m/rad | N/m] Spring of every joint towards home, for what no coordinate "
-        "holds.",
+        description="[N m/rad | N/m] Spring that pulls every joint towards home, for the motion "
+        "that no coordinate controls.",
     )
     walls: dict[Name, ArmWall] = Field(
         default_factory=dict,
-        description="Walls in space, for the tip; along the frame's axes, from the base's origin.",
+        description="Walls in space for the tip, along the frame's axes and "
+        "relative to the base's origin.",
     )
     least_lever: Annotated[float, Field(ge=1e-3)] = Field(
         default=0.05,
-        description="[m] Of joints that follow velocities: with less of a lever in a direction, as "
-        "near a singular pose, the tip lags there. A turn counts as 0.2 m a rad.",
+        description="[m] For velocity-controlled joints: in directions with a shorter lever arm, "
+        "as near a singular pose, the tip lags. A rotation counts as 0.2 m per rad.",
     )
     reserve: Positive = Field(
         default=0.01,
-        description="[J] Of joints that follow velocities: what a tip that lags may give out "
-        "beyond what its ports know of.",
+        description="[J] For velocity-controlled joints: energy that a lagging tip may supply "
+        "beyond what its ports account for.",
     )
     truth: ArmTruth = Field(default_factory=ArmTruth, description="What is simulated.")
 
@@ -251,8 +250,8 @@ def coordinates(bus: BusSpec) -> list[int]:
             )
     if len({axis.causality for axis in bus.axes}) > 1:
         raise ConfigError(
-            f"bus {bus.name}: its joints take effort, or follow velocities; give all coordinates "
-            "one causality"
+            f"bus {bus.name}: its joints are either effort- or velocity-controlled; give all "
+            "coordinates the same causality"
         )
     if len({axis.name.partition(".")[0] for axis in bus.axes}) > 1:
         raise ConfigError(f"bus {bus.name}: an arm is on one side; give the other a bus of its own")
@@ -260,8 +259,8 @@ def coordinates(bus: BusSpec) -> list[int]:
     reach = math.sqrt(sum(max(abs(low), abs(high)) ** 2 for low, high in turns))
     if turns and reach > TURN:
         raise ConfigError(
-            f"bus {bus.name}: position_range of its rotations allows turns of {reach:.3g} rad from "
-            f"home, beyond {TURN:g} a rotation vector is close to its end; narrow them"
+            f"bus {bus.name}: position_range of its rotations allows rotations of {reach:.3g} rad "
+            f"from home, but a rotation vector is near-singular beyond {TURN:g}; narrow them"
         )
     return [axis.device_id - 1 for axis in bus.axes]
 
@@ -280,18 +279,18 @@ def accept(options: ArmOptions, bus: BusSpec) -> None:
         for name, joint in options.joints.items():
             if joint.inertia_lower == 0.0:
                 raise ConfigError(
-                    f"{place}.joints.{name}.inertia_lower: a joint that takes effort needs one; "
-                    "state what its motor surely has [kg m^2 | kg]"
+                    f"{place}.joints.{name}.inertia_lower: required for an effort-controlled "
+                    "joint; give a safe lower bound for its motor [kg m^2 | kg]"
                 )
     elif options.walls:
         raise ConfigError(
-            f"{place}.walls: walls in space push by efforts, and these joints follow velocities; "
-            "put the wall on the other side, or remove it"
+            f"{place}.walls: walls in space need effort-controlled joints, and these are "
+            "velocity-controlled; put the wall on the other side, or remove it"
         )
     elif options.posture > 0.0:
         raise ConfigError(
-            f"{place}.posture: a spring of the joints needs efforts, and these follow velocities; "
-            "remove it"
+            f"{place}.posture: a joint spring needs effort-controlled joints, and these are "
+            "velocity-controlled; remove it"
         )
 
 

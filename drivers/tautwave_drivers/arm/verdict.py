@@ -133,14 +133,14 @@ def _following(options: ArmOptions, bus: BusSpec) -> BusElement:
     """Return the verdict on an arm whose joints follow velocities."""
     names = ", ".join(NAMES[k] for k in coordinates(bus))
     sentence = (
-        f"tip of bus {bus.name} ({names}): where a direction has less than {options.least_lever:g} "
-        f"m of a lever it lags, and may give out {options.reserve:.3g} J beyond the books of its "
-        f"ports; a command that would give more is held back, and beyond twice that the run stops. "
-        f"After a reset of the devices it may give as much again."
+        f"tip of bus {bus.name} ({names}): in directions with a lever arm below "
+        f"{options.least_lever:g} m it lags, and may supply {options.reserve:.3g} J beyond what "
+        "its ports account for; a command that would supply more is limited, and beyond twice "
+        "that the run stops. After a device reset it may supply as much again."
     )
     conditions = (
-        f"the joints of bus {bus.name} reach the velocities that they are commanded, and measure "
-        "what acts on them from outside" + (", their weight beside it" if options.carry else ""),
+        f"the joints of bus {bus.name} reach their commanded velocities and measure the external "
+        "effort on them" + (", with their weight subtracted" if options.carry else ""),
     )
     numbers = {"least_lever": options.least_lever, "reserve_j": options.reserve}
     return BusElement(
@@ -180,9 +180,9 @@ def _joints(
         place = f"joint {name} of bus {bus.name}"
         passed = needed <= joint.damping_lower and asked <= joint.effort_limit
         sentence = (
-            f"{place}: turning efforts of the tip, weight and posture into its own takes "
-            f"{needed:.3g} {unit} of its damping of {joint.damping_lower:g}, and up to {asked:.3g} "
-            f"of its {joint.effort_limit:g} {effort}"
+            f"{place}: mapping the tip's efforts, weight and posture to joint efforts takes "
+            f"{needed:.3g} {unit} of its damping of {joint.damping_lower:g}, and up to "
+            f"{asked:.3g} of its {joint.effort_limit:g} {effort}"
         )
         if needed > joint.damping_lower:
             sentence += "; raise rate_hz, lower the effort_limit of the axes, or add friction"
@@ -214,21 +214,21 @@ def _tip(options: ArmOptions, bus: BusSpec, which: Sequence[int], sampled: Sampl
     if wrong:
         what = " and ".join(f"{key} to {share:.2g} times what it is" for key, share in wrong)
         sentence = (
-            f"tip of bus {bus.name} ({names}): the arm has less in some posture than its axes "
-            f"state; lower {what}, or narrow the joints' ranges."
+            f"tip of bus {bus.name} ({names}): in some postures the arm has less than its axes "
+            f"state; lower {what}, or narrow the joint ranges."
         )
         return BusElement(
             f"tip of {bus.name}", "tip", bus.axes[0].name, False, sentence, (), numbers
         )
     sentence = (
-        f"tip of bus {bus.name} ({names}): an arm whose mobility is nowhere more than "
-        f"{sampled.inertia:.3g} of what the axes state, and its damping nowhere less than "
+        f"tip of bus {bus.name} ({names}): an arm whose mobility is at most {sampled.inertia:.3g} "
+        "of what its axes state everywhere, and whose damping is at least "
         f"{1.0 / max(sampled.damping, 1e-9):.3g} times."
     )
     conditions = (
-        f"the coordinates of bus {bus.name}, which move each other through the arm, return all "
-        "together no more of a wave than each by itself (proved of each; of all, only what tanks "
-        "may give out)",
+        f"the coordinates of bus {bus.name}, which are coupled through the arm, together return "
+        "no more of a wave than each alone (proved for each alone; for all together, only the "
+        "tanks' output is bounded)",
     )
     return BusElement(
         f"tip of {bus.name}", "tip", bus.axes[0].name, True, sentence, conditions, numbers
@@ -243,8 +243,8 @@ def _wall(
         variance += reach**2 * (joint.position_noise**2 + joint.encoder_quantum**2 / 12.0)
     power = wall.stiffness * variance * bus.rate_hz
     sentence = (
-        f"wall {name} of bus {bus.name}: gives back no more than it took in the same contact, by "
-        f"its account, and {power:.3g} W for the encoders' noise while it is touched."
+        f"wall {name} of bus {bus.name}: returns no more than it absorbed in the same contact, by "
+        f"its energy account, plus {power:.3g} W for encoder noise while in contact."
     )
     return BusElement(
         f"wall {name} of {bus.name}",

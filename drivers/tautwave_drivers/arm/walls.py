@@ -26,13 +26,15 @@ class ArmWall(Block):
         "path: a line that the tip is led along."
     )
     stiffness: Positive = Field(description="[N/m]")
-    damping: NonNegative = Field(default=0.0, description="[N s/m] Along the force, never pulling.")
+    damping: NonNegative = Field(
+        default=0.0, description="[N s/m] Along the normal; the wall never pulls."
+    )
     friction: NonNegative = Field(
         default=0.0, description="Coulomb coefficient on the surface; the tip sticks, then slides."
     )
     guard: bool = Field(
         default=False,
-        description="A forbidden region, which only keeps out: nothing bounces off it.",
+        description="A forbidden region that only keeps the tip out: nothing bounces off it.",
     )
     force_limit: Positive = Field(default=30.0, description="[N] Greatest force.")
     centre: Point = Field(
@@ -41,7 +43,8 @@ class ArmWall(Block):
     normal: Point | None = Field(default=None, description="plane: out of the body.")
     axis: Point | None = Field(default=None, description="cylinder: along it.")
     radius: Positive | None = Field(
-        default=None, description="[m] sphere, cylinder; path: the tip is free within it."
+        default=None,
+        description="[m] sphere, cylinder; path: radius within which the tip moves freely.",
     )
     length: Positive | None = Field(default=None, description="[m] cylinder: default endless.")
     hollow: bool = Field(
@@ -76,7 +79,7 @@ class ArmWall(Block):
         if spare:
             raise PydanticCustomError(
                 "shape",
-                "{keys} means nothing for {shape}; remove it",
+                "{keys} does not apply to {shape}; remove it",
                 {"shape": self.shape, "keys": ", ".join(sorted(spare))},
             )
         if self.shape == "path" and (self.friction or self.guard):
@@ -92,9 +95,9 @@ class ArmWall(Block):
             ("path", points[1:], "two points"),
         ):
             if self.shape == shape and not parts:
-                raise PydanticCustomError("shape", f"{shape} needs {what} or more")
+                raise PydanticCustomError("shape", f"{shape} needs at least {what}")
         if self.shape == "path" and any(a == b for a, b in itertools.pairwise(points)):
-            raise PydanticCustomError("shape", "two points of a path in a row are the same")
+            raise PydanticCustomError("shape", "two consecutive points of a path are identical")
         for number, face in enumerate(self.triangles or ()):
             if _is_flat(*(points[corner] for corner in face)):
                 raise PydanticCustomError(

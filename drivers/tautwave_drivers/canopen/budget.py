@@ -85,8 +85,8 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
     )
     if interpolation_period(bus.period_ns) is None:
         lines.append(
-            f"a drive that has 60C2h cannot hold {bus.period_ns / 1000:g} us in it and will refuse "
-            "this rate: use one such as 1000, 500 or 250 Hz"
+            f"60C2h cannot represent {bus.period_ns / 1000:g} us, so a drive that has it will "
+            "reject this rate: use a rate such as 1000, 500 or 250 Hz"
         )
     remedy = _advice(options, bus, shares)
     return Budget(time_s, greatest, "\n".join(lines), remedy)

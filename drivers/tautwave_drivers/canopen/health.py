@@ -92,8 +92,8 @@ class Health:
         if axis is None:
             if can_id == SYNC_ID and self._sync_is_ours:
                 self.report(
-                    "CAN: another master sends SYNC (80h) on this bus, and the drives act on it "
-                    "too; stop it, or give each master its own bus"
+                    "CAN: another master is sending SYNC (80h) on this bus, and the drives "
+                    "respond to it too; stop it, or give each master its own bus"
                 )
             return
         service = can_id & ~0x7F
@@ -114,8 +114,8 @@ class Health:
             return
         if state == BOOT_UP:
             axis.fail(
-                "it restarted during the run (boot-up frame): its mapping and position reference "
-                "are lost; check its supply, then run again",
+                "the drive restarted during the run (boot-up frame): its mapping and position "
+                "reference are lost; check its supply, then run again",
                 self._options.stop,
             )
         elif before != state:

@@ -188,7 +188,7 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
             problems.append(f"bus {bus.name}: node {node.id} is listed twice in options.nodes")
         if node.id == options.master_id:
             problems.append(
-                f"bus {bus.name}: node {node.id} has the id of this master; choose another "
+                f"bus {bus.name}: node {node.id} has the same id as this master; choose another "
                 "master_id"
             )
         known[node.id] = node
@@ -199,7 +199,7 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
         )
     if options.heartbeat_timeout_ms < 2 * options.heartbeat_ms:
         problems.append(
-            f"bus {bus.name}: heartbeat_timeout_ms {options.heartbeat_timeout_ms} has to be at "
+            f"bus {bus.name}: heartbeat_timeout_ms {options.heartbeat_timeout_ms} must be at "
             f"least twice heartbeat_ms {options.heartbeat_ms}, or one late frame stops the rig"
         )
     if not options.sync:
@@ -257,18 +257,21 @@ def _misread(axis: AxisSpec, node: Node) -> str:
     keys = [key for key in ("effort_sensor", "report_torque") if getattr(node, key)]
     if axis.effort_sensor and node.effort_sensor is None:
         return (
-            f"{axis.name} has an effort_sensor, but node {node.id} does not say where; add "
-            "effort_sensor: {index: 0x6401, subindex: 1, effort: N m of one count} to it"
+            f"{axis.name} has an effort_sensor, but node {node.id} does not define it; add "
+            f"effort_sensor: {{index: 0x6401, subindex: 1, effort: N m of one count}} to it"
         )
     if node.effort_sensor is not None and not axis.effort_sensor:
         return (
-            f"node {node.id} reads an effort_sensor, but {axis.name} states none; add "
-            "effort_sensor: {} to the axis"
+            f"node {node.id} reads an effort_sensor, but {axis.name} has none; add effort_sensor: "
+            f"{{}} to the axis"
         )
     if node.effort_sensor is not None and node.effort_sensor.effort == 0.0:
-        return f"node {node.id}: effort_sensor.effort of one count is not 0"
+        return f"node {node.id}: effort_sensor.effort (per count) must not be 0"
     if keys and axis.causality == "admittance":
-        return f"node {node.id}: {axis.name} takes velocity and reports 6077h; remove {keys[0]}"
+        return (
+            f"node {node.id}: {axis.name} is velocity-controlled and already "
+            f"reports 6077h; remove {keys[0]}"
+        )
     if keys and (node.mapping == "full" or len(keys) == 2):
         room = "one of both" if node.mapping == "lean" else "it only with mapping: lean"
         return f"node {node.id}: a TPDO has 8 bytes, room for {room} ({', '.join(keys)})"

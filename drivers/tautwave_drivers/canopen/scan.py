@@ -39,7 +39,7 @@ class ScanOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
-    interface: str = Field(default="socketcan", description="python-can's name of the interface")
+    interface: str = Field(default="socketcan", description="interface name in python-can")
     channel: str = Field(default="can0", description="its channel")
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = Field(
         default=1_000_000, description="[bit/s]"
@@ -147,6 +147,6 @@ def _row(
         errors.append(f"register: {register_text(register)}")
     if emergency:
         errors.append(f"EMCY {error_text(emergency)}")
-    errors += [f"answers {entry.address} {entry.name} without end" for entry in endless]
+    errors += [f"response to {entry.address} {entry.name} never ends" for entry in endless]
     row["errors"] = "; ".join(dict.fromkeys(errors)) or "none"
     return row

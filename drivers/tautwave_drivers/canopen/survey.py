@@ -20,7 +20,7 @@ PEAK = 3.0
 
 NETS = Path("/sys/class/net")
 ARPHRD_CAN = "280"
-SPEED = Setting(20.0, "[rad/s] TODO: above it the run stops")
+SPEED = Setting(20.0, "[rad/s] TODO: the run stops above it")
 
 
 def _places() -> Sequence[Mapping[str, Any]]:
@@ -71,7 +71,7 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
     name = about.product_name or about.vendor_name or path.stem
     given = {
         "interface": Setting("socketcan"),
-        "channel": Setting("can0", "TODO: `ip link` lists those there are"),
+        "channel": Setting("can0", "TODO: `ip link` lists the available ones"),
         "bitrate": Setting(1_000_000, "TODO: as the drives are set"),
     }
     devices = [_device(number, row, name, str(path)) for number in ids]
@@ -95,7 +95,7 @@ def _device(number: int, row: Mapping[str, Any], name: str, eds: str = "") -> Fo
     speed = SPEED
     if fastest and fastest < 100_000:
         radians = float(f"{fastest * math.tau / 60.0 / gear:.3g}")
-        speed = Setting(radians, "[rad/s] TODO: the drive allows that much (6080h); what do you?")
+        speed = Setting(radians, "[rad/s] TODO: the drive's limit (6080h); choose yours")
     axis = assumed_axis(PEAK * rated * gear, rated * gear, "rated torque at the output", speed)
     return FoundDevice(number, name, entry, axis)
 

@@ -14,7 +14,7 @@ from tautwave_drivers.cia402.states import (
 )
 
 _LOOK = {
-    State.NOT_READY: "it is starting or testing itself: check its logic supply and display",
+    State.NOT_READY: "it is starting up or running a self-test: check its logic supply and display",
     State.SWITCH_ON_DISABLED: (
         "check STO and the enable and quick stop inputs, and that 6040h reaches the drive "
         "(RPDO mapped and valid, node operational, SYNC sent)"
@@ -56,9 +56,9 @@ def hang_text(
         )
     if state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         if not statusword & REMOTE:
-            text += "; it ignores the bus (remote, bit 9, is 0): look for local control"
+            text += "; it ignores the bus (remote, bit 9, is 0): check for local control"
         if state is not State.NOT_READY and not statusword & VOLTAGE_ENABLED:
-            text += "; it has no power voltage (bit 4): check the supply, fuses and STO"
+            text += "; it has no main supply voltage (bit 4): check the supply, fuses and STO"
     return f"{text}; {_LOOK[state]}"
 
 

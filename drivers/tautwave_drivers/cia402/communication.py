@@ -14,8 +14,8 @@ def _entry(index: int, sub: int, kind: str, name: str, unit: str, meaning: str) 
     return Entry(name, index, sub, kind, unit, meaning, _301)
 
 
-DEVICE_TYPE = _entry(0x1000, 0, "U32", "device type", "", "low word 0192h: speaks CiA 402")
-ERROR_REGISTER = _entry(0x1001, 0, "U8", "error register", "bits", "classes of present errors")
+DEVICE_TYPE = _entry(0x1000, 0, "U32", "device type", "", "low word 0192h: supports CiA 402")
+ERROR_REGISTER = _entry(0x1001, 0, "U8", "error register", "bits", "classes of active errors")
 ERROR_COUNT = _entry(0x1003, 0, "U8", "error history count", "", "0 written clears it")
 ERROR_NEWEST = _entry(0x1003, 1, "U32", "newest error", "", "low word: emergency error code")
 SYNC_COB_ID = _entry(0x1005, 0, "U32", "SYNC COB-ID", "", "bit 30: the device produces SYNC")
@@ -28,7 +28,7 @@ STORE_ALL = _entry(0x1010, 1, "U32", "store parameters", "", "written 'save': st
 EMCY_COB_ID = _entry(0x1014, 0, "U32", "EMCY COB-ID", "", "80h + node; bit 31: none is sent")
 CONSUMER_COUNT = _entry(0x1016, 0, "U8", "heartbeats watched", "", "entries of 1016h")
 CONSUMER_HEARTBEAT = _entry(
-    0x1016, 1, "U32", "consumer heartbeat", "ms", "node << 16 | time; 0: watches nothing"
+    0x1016, 1, "U32", "consumer heartbeat", "ms", "node << 16 | time; 0: monitors nothing"
 )
 PRODUCER_HEARTBEAT = _entry(0x1017, 0, "U16", "producer heartbeat", "ms", "0: sends none")
 IDENTITY_COUNT = _entry(0x1018, 0, "U8", "identity entries", "", "entries of 1018h")
@@ -79,12 +79,12 @@ class PdoEntries(NamedTuple):
 
 def rpdo(number: int) -> PdoEntries:
     """Return the objects of receive PDO `number` (1 to 512): 1400h and 1600h onwards."""
-    return _pdo(0x1400, number, "deadline timer", "without a frame for so long: 8250h; 0: none")
+    return _pdo(0x1400, number, "deadline timer", "timeout without a frame: 8250h; 0: none")
 
 
 def tpdo(number: int) -> PdoEntries:
     """Return the objects of transmit PDO `number` (1 to 512): 1800h and 1A00h onwards."""
-    return _pdo(0x1800, number, "event timer", "sent at least so often; 0: none")
+    return _pdo(0x1800, number, "event timer", "maximum interval between frames; 0: none")
 
 
 def _pdo(base: int, number: int, timer: str, meaning: str) -> PdoEntries:
@@ -93,7 +93,7 @@ def _pdo(base: int, number: int, timer: str, meaning: str) -> PdoEntries:
     return PdoEntries(
         _entry(at, 1, "U32", "COB-ID", "", "bit 31: does not exist; bit 30: no RTR"),
         _entry(at, 2, "U8", "transmission type", "", kind),
-        _entry(at, 3, "U16", "inhibit time", "100 us", "least time between two frames"),
+        _entry(at, 3, "U16", "inhibit time", "100 us", "minimum time between two frames"),
         _entry(at, 5, "U16", timer, "ms", meaning),
         _entry(at + 0x200, 0, "U8", "mapped objects", "", "0 while the mapping is changed"),
     )

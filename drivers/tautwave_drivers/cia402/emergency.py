@@ -133,7 +133,7 @@ ERROR_CODES = {
     0x8220: "PDO longer than mapped",
     0x8230: "multiplexed PDO not processed",
     0x8240: "SYNC of unexpected length",
-    0x8250: "RPDO timeout: the master fell silent",
+    0x8250: "RPDO timeout: the master stopped sending",
     0x8300: "torque control",
     0x8311: "excess torque",
     0x8312: "difficult start-up",

@@ -238,7 +238,7 @@ class Machine:
             risen = statusword & ~self._statusword
             fallen = self._statusword & ~statusword
             if fallen & s.REMOTE:
-                self._give_up(f"{self.name} no longer follows the bus (remote, bit 9, fell)")
+                self._give_up(f"{self.name} no longer follows the bus (remote, bit 9, was cleared)")
             if risen & s.WARNING:
                 self._report(f"{self.name} warns: {s.status_text(statusword)}", fatal=False)
             if risen & s.INTERNAL_LIMIT:
@@ -284,7 +284,7 @@ class Machine:
             return self._give_up(f"{hang}: it ignores the quick stop")
         if not self._given_up:
             self._given_up = True
-            self._report(f"{hang}: it does not disable; cut its power", fatal=True)
+            self._report(f"{hang}: it cannot be disabled; cut its power", fatal=True)
         return s.DISABLE_VOLTAGE
 
     def _word_in_quick_stop(self, time: int, confirmed: bool) -> int:
@@ -302,7 +302,7 @@ class Machine:
         given = reset.count
         word = reset.word(now)
         if word is None:
-            how = f"after {given} fault resets" if reset.most else "and faults are not to be reset"
+            how = f"after {given} fault resets" if reset.most else "and fault reset is off"
             return self._give_up(f"{self._hang(now - self._entered)} ({how})")
         if reset.count > given:
             code = f", error {error_text(self._error_code)}" if self._error_code else ""

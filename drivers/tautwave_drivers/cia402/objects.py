@@ -21,7 +21,7 @@ ERROR_CODE = _entry(0x603F, 0, "U16", "error code", "", "of the last error, as i
 CONTROLWORD = _entry(0x6040, 0, "U16", "controlword", "bits", "commands to the state machine")
 STATUSWORD = _entry(0x6041, 0, "U16", "statusword", "bits", "state and flags")
 QUICK_STOP_OPTION = _entry(
-    0x605A, 0, "I16", "quick stop option", "", "how it stops, where it stays"
+    0x605A, 0, "I16", "quick stop option", "", "how it stops and which state follows"
 )
 SHUTDOWN_OPTION = _entry(0x605B, 0, "I16", "shutdown option", "", "on transition 8")
 DISABLE_OPTION = _entry(0x605C, 0, "I16", "disable operation option", "", "on transition 5")
@@ -60,11 +60,11 @@ VELOCITY_REVOLUTIONS = _entry(
 )
 GEAR_MOTOR = _entry(0x6091, 1, "U32", "motor shaft revolutions", "", "gear ratio, numerator")
 GEAR_SHAFT = _entry(0x6091, 2, "U32", "driving shaft revolutions", "", "gear ratio, divisor")
-FEED = _entry(0x6092, 1, "U32", "feed", "user", "way per 6092h:02 turns of the driving shaft")
+FEED = _entry(0x6092, 1, "U32", "feed", "user", "travel per 6092h:02 turns of the driving shaft")
 FEED_REVOLUTIONS = _entry(0x6092, 2, "U32", "feed revolutions", "", "for 6092h:01")
 VELOCITY_FACTOR = _entry(0x6096, 1, "U32", "velocity factor numerator", "", "drive's own scale")
 VELOCITY_DIVISOR = _entry(0x6096, 2, "U32", "velocity factor divisor", "", "drive's own scale")
-HOMING_METHOD = _entry(0x6098, 0, "I8", "homing method", "", "35 and 37: here is home")
+HOMING_METHOD = _entry(0x6098, 0, "I8", "homing method", "", "35 and 37: current position is home")
 HOMING_FAST = _entry(0x6099, 1, "U32", "speed of switch search", "user", "of homing")
 HOMING_SLOW = _entry(0x6099, 2, "U32", "speed of zero search", "user", "of homing")
 HOMING_ACCELERATION = _entry(0x609A, 0, "U32", "homing acceleration", "user", "of homing")

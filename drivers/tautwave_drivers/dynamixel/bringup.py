@@ -99,8 +99,8 @@ class Bringup:
         firmware = found.data[2]
         if number != servo.model.number:
             raise DriverError(
-                f"{where}: is a {model_name(number)} (model number {number}), but the rig says "
-                f"{servo.model.name}; correct options.servos, or exchange the servo"
+                f"{where}: is a {model_name(number)} (model number {number}), but the rig states "
+                f"{servo.model.name}; correct options.servos, or replace the servo"
             )
         self._healthy(servo)
         watched = servo.model.always_watched or firmware >= reg.WATCHDOG_FIRMWARE

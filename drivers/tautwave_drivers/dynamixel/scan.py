@@ -43,7 +43,8 @@ class ScanOptions(BaseModel):
     model_config = STRICT
 
     port: str = Field(
-        default="", description="Serial device, e.g. /dev/ttyUSB0; left out: names those there are."
+        default="",
+        description="Serial device, e.g. /dev/ttyUSB0; if omitted, lists the ports present.",
     )
     baud: Annotated[int, Field(ge=9600)] | None = Field(
         default=None, description="Only this baud rate; else all of the X series."

@@ -37,7 +37,7 @@ def _propose(options: ScanOptions, rows: Sequence[Mapping[str, Any]]) -> Sequenc
         return []
     baud = Counter(row["baud"] for row in usable).most_common(1)[0][0]
     notes += [
-        f"id {row['id']} answers at {row['baud']} baud only: left out until it is set to {baud}"
+        f"id {row['id']} responds at {row['baud']} baud only: left out until it is set to {baud}"
         for row in usable
         if row["baud"] != baud
     ]
@@ -61,9 +61,9 @@ def _propose(options: ScanOptions, rows: Sequence[Mapping[str, Any]]) -> Sequenc
 def _device(row: Mapping[str, Any]) -> FoundDevice:
     model = MODELS[str(row["model"])]
     speed = row.get("velocity_limit")
-    limit = Setting(FASTEST, "[rad/s] TODO: above it the run stops")
+    limit = Setting(FASTEST, "[rad/s] TODO: the run stops above it")
     if speed and speed < FASTEST:
-        limit = Setting(speed, "[rad/s] the servo's own Velocity Limit(44); above it the run stops")
+        limit = Setting(speed, "[rad/s] the servo's own Velocity Limit(44); the run stops above it")
     axis = assumed_axis(model.stall_torque, _limit(model, row), "a fifth of stall", limit)
     entry = {"id": row["id"], "model": model.name, "zero_counts": 2048}
     return FoundDevice(int(row["id"]), f"{model.name}, firmware {row['firmware']}", entry, axis)

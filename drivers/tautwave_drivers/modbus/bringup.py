@@ -106,7 +106,7 @@ class Bringup:
             drive = self._get(profile.roles["rated_torque"]) * rated.scale
             if abs(drive - device.options.rated_torque) > 1.001 * rated.scale:
                 raise DriverError(
-                    f"{self._where}: its rated torque is {drive:g} N m, but the rig says "
+                    f"{self._where}: its rated torque is {drive:g} N m, but the rig states "
                     f"{device.options.rated_torque:g}; correct rated_torque"
                 )
         if profile.register_of("counts") is not None:
@@ -114,7 +114,7 @@ class Bringup:
             wanted_counts = device.options.counts_per_revolution or profile.counts_per_revolution
             if counts != wanted_counts:
                 raise DriverError(
-                    f"{self._where}: it has {counts} counts per revolution, but the rig says "
+                    f"{self._where}: it has {counts} counts per revolution, but the rig states "
                     f"{wanted_counts:g}; correct counts_per_revolution"
                 )
 

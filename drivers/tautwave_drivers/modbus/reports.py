@@ -33,14 +33,14 @@ def check_reports(
     """
     if axis.effort_sensor and sensor is None:
         raise ConfigError(
-            f"it has an effort_sensor, but unit {unit} does not say where; add "
-            "effort_sensor: {register: NAME, effort: N m of one count} to the device"
+            f"it has an effort_sensor, but unit {unit} does not define it; add effort_sensor: "
+            f"{{register: NAME, effort: N m of one count}} to the device"
         )
     if sensor is not None:
         if not axis.effort_sensor:
             raise ConfigError(
-                f"unit {unit} reads an effort_sensor, but the axis states none; add "
-                "effort_sensor: {} to it"
+                f"unit {unit} reads an effort_sensor, but the axis has none; add effort_sensor: "
+                f"{{}} to it"
             )
         if sensor.register_name not in profile.registers:
             raise ConfigError(
@@ -48,10 +48,12 @@ def check_reports(
                 "effort_sensor; add it there"
             )
         if sensor.effort == 0.0:
-            raise ConfigError("effort_sensor.effort of one count is not 0")
+            raise ConfigError("effort_sensor.effort (per count) must not be 0")
     if torque:
         if axis.causality == "admittance":
-            raise ConfigError("it takes velocity and reports its torque; remove report_torque")
+            raise ConfigError(
+                "it is velocity-controlled and already reports its torque; remove report_torque"
+            )
         if profile.register_of("effort") is None:
             raise ConfigError(
                 f"profile {profile.family} has no register with role effort for report_torque"

@@ -29,7 +29,7 @@ class ScanOptions(BaseModel):
     endpoint: list[str] = Field(
         default=[],
         description="tcp://HOST:PORT, several with commas, or a serial device, e.g. /dev/ttyUSB0; "
-        "left out: names the serial ports there are.",
+        "if omitted, lists the serial ports present.",
     )
     units: str = Field(
         default="", description="Units to ask, e.g. 1-16 or 1,2,9; all of 1-247 on a serial line."

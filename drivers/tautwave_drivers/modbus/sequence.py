@@ -167,13 +167,12 @@ class Steps:
         if self._what == "enable" and states is not None and states.fault.fits(found):
             self._failed = f"{where}: went into fault instead (status {found:#x})"
             if "fault" not in profile.roles:
-                raise DeviceFault(f"{self._failed}; look at the drive's display")
+                raise DeviceFault(f"{self._failed}; check the drive's display")
             return
         if self._expired(step):
             raise BusTimeout(
-                f"{where}: still {found:#x} after {step.timeout_s:g} s, expected "
-                f"{step.value:#x} in the bits {step.mask & 0xFFFF:#x}; look at the drive's supply "
-                "and display"
+                f"{where}: still {found:#x} after {step.timeout_s:g} s, expected {step.value:#x} "
+                f"in the bits {step.mask & 0xFFFF:#x}; check the drive's supply and display"
             )
 
     def _fault_text(self, pdu: bytes) -> str:
@@ -186,6 +185,6 @@ class Steps:
 def fault_text(profile: Profile, code: int | None) -> str:
     """Return a fault's code as text; None is an unknown code."""
     if code is None:
-        return "this drive does not report which; look at its display"
+        return "this drive does not report which; check its display"
     meaning = profile.faults.get(code, "not in the profile; look it up in the drive's manual")
     return f"{meaning} (code {code:#x})"

@@ -22,7 +22,7 @@ COUNTS = 10_000
 PEAK = 3.0
 """Peak torque of a servo motor, in rated torques."""
 
-SPEED = Setting(6.0, "[rad/s] TODO: above it the run stops")
+SPEED = Setting(6.0, "[rad/s] TODO: the run stops above it")
 
 
 def _places() -> Sequence[Mapping[str, Any]]:

@@ -81,8 +81,8 @@ class MasterPort:
             )
         if ails == "bus_off":
             raise DriverError(
-                "the CAN controller is bus-off: its frames were destroyed again and again; look "
-                "at bitrate, termination and cable"
+                "the CAN controller is bus-off: its frames were destroyed again and again; check "
+                "bitrate, termination and cable"
             )
         if world.plan.refuses(world.elapsed_ns(world.medium.now_ns)):
             return False

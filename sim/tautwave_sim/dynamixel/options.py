@@ -186,7 +186,7 @@ class BenchOptions(BaseModel):
     usb_latency_s: float | None = Field(
         None, ge=0.0, le=0.1, description="[s] Latency timer of a USB adapter, e.g. 0.016."
     )
-    seed: int = Field(0, ge=0, description="Begins the random numbers of the faults.")
+    seed: int = Field(0, ge=0, description="Seed of the random faults.")
     faults: dict[str, Any] = Field(
         {}, description='Faults as JSON, e.g. {"lost": 0.01, "corrupted": 0.001}.'
     )

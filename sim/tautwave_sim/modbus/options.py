@@ -180,7 +180,7 @@ class ModbusBenchOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     profile: str = Field("generic", description="generic, dsy-rs, cia402, or a profile's file")
-    tcp: str | None = Field(None, description="HOST:PORT to listen on; port 0 picks a free one")
+    tcp: str | None = Field(None, description="HOST:PORT to listen on; port 0 picks any free port")
     rtu: bool = Field(False, description="serve RTU on a pseudo-terminal")
     units: tuple[Unit, ...] = Field((1,), min_length=1, description="unit ids")
     baud: int = Field(115200, ge=300, description="of the RTU line")
@@ -195,7 +195,7 @@ class ModbusBenchOptions(BaseModel):
     causality: Literal["impedance", "admittance"] = Field(
         "impedance", description="torque drives, or velocity drives with measured torque"
     )
-    rate_hz: float = Field(1000.0, gt=0.0, description="slots of the physics a second")
+    rate_hz: float = Field(1000.0, gt=0.0, description="physics steps per second")
     inertia: float = Field(1e-3, gt=0.0, description="of each motor [kg m2]")
     damping: float = Field(1e-3, ge=0.0, description="of each motor [N m s/rad]")
     server: Literal["own", "pymodbus"] = Field("own", description="TCP server")
@@ -212,6 +212,6 @@ def host_port(endpoint: str) -> tuple[str, int]:
     host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
     if not host or not (port.isascii() and port.isdigit()) or int(port) > 0xFFFF:
         raise ConfigError(
-            f"modbus: {endpoint!r} is not HOST:PORT to listen on; port 0 picks a free one"
+            f"modbus: {endpoint!r} is not HOST:PORT to listen on; port 0 picks any free port"
         )
     return host, int(port)

@@ -139,9 +139,9 @@ def _wall(
     sentence += f"which needs {needed:.4g} {unit} of the device's {present:.4g}."
     if balance is not None and needed > present:
         sentence += (
-            " No contact of this run gave more than it took."
+            " No contact of this run returned more energy than it absorbed."
             if kept
-            else f" A contact gave {-balance:.2g} J more than it took."
+            else f" A contact returned {-balance:.2g} J more than it absorbed."
         )
         if within and not kept:
             sentence += f" It claims {claim:.2g} J for that."

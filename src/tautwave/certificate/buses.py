@@ -48,10 +48,10 @@ def policy_elements(rig: Rig) -> Iterator[Element]:
             f"policy of {name}: a hand of {held.stiffness:.4g} {effort}/{place} and "
             f"{held.damping:.3g} {effort} s/{place} follows its actions, no faster than "
             f"{keys.velocity_limit:g} {place}/s, its spring with at most {keys.effort_limit:g} "
-            f"{effort}: up to {power:.3g} W. The coupling is certified with any such hand; what "
-            f"the policy wants is not. Without an action for {3e3 / keys.fps:.3g} ms the rig holds."
+            f"{effort}: up to {power:.3g} W. The coupling is certified with any such hand; the "
+            f"policy's intent is not. Without an action for {3e3 / keys.fps:.3g} ms the rig holds."
         )
-        unknown = f"the actions for {name} are a policy's, of which nothing is known"
+        unknown = f"the actions for {name} come from a policy, about which nothing is known"
         verdict = Verdict(True, sentence, (unknown,))
         numbers = {**keys.model_dump(exclude={"type"}), "power_w": power}
         axis = f"master.{name}"

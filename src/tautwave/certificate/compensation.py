@@ -63,7 +63,8 @@ def compensation_elements(rig: Rig) -> Iterator[Element]:
         reason = (
             f"{head}: passive by proof with the device's own friction, of which it takes "
             f"{coulomb:.3g} of {axis.coulomb.lower:.3g} {effort} and {viscous:.3g} of "
-            f"{axis.damping.lower:.3g} {damping}; walls, ports and couplings have the rest."
+            f"{axis.damping.lower:.3g} {damping}; the rest is available to "
+            "walls, ports and couplings."
         )
         conditions = assumed(axis, name, damping=viscous > 0.0, coulomb=coulomb > 0.0)
         verdict = Verdict(True, reason, tuple(conditions))
@@ -120,20 +121,20 @@ def inertia_elements(rig: Rig, delays: Delays) -> Iterator[Element]:
         head = f"inertia of {name}"
         claim = inertia_claim(rig, name, delays)
         if isinstance(claim, str):
-            verdict = Verdict(False, f"{head}: nothing bounds what it may give out; give {claim}")
+            verdict = Verdict(False, f"{head}: its energy output is unbounded; give {claim}")
             yield Element(head, "inertia", name, verdict, verdict, {}, (verdict.reason,))
             continue
         taken, paying = keys.inertia * axis.inertia.lower, keys.inertia_coulomb * axis.coulomb.lower
         mass, effort = ("kg m^2", "N m") if axis.kind == "rotary" else ("kg", "N")
         reason = (
-            f"{head}: passive by account: {taken:.3g} of {axis.inertia.lower:.3g} {mass} are taken "
-            f"off below {keys.inertia_hz:g} Hz, which gives out at most "
-            f"{joules(claim.seen(rig.claimed_s))} as its encoder sees it beyond what {paying:.3g} "
-            f"of {axis.coulomb.lower:.3g} {effort} of friction take (reserve "
-            f"{joules(2.0 * claim.reserve)}, {joules(claim.under_way)} under way)."
+            f"{head}: passive by account: {taken:.3g} of {axis.inertia.lower:.3g} {mass} are "
+            f"compensated below {keys.inertia_hz:g} Hz, which supplies at most "
+            f"{joules(claim.seen(rig.claimed_s))} as seen by its encoder, beyond what "
+            f"{paying:.3g} of {axis.coulomb.lower:.3g} {effort} of friction dissipate (reserve "
+            f"{joules(2.0 * claim.reserve)}, {joules(claim.under_way)} in transit)."
         )
         conditions = assumed(axis, name, inertia=True, coulomb=paying > 0.0)
-        conditions.append(f"what a port at {name} returns is stated of all of its inertia")
+        conditions.append(f"the port's claim at {name} assumes its full inertia")
         verdict = Verdict(True, reason, tuple(conditions))
         broken = [broken_inertia(rig, name), broken_delay(rig, name, delays[name])]
         broken.append(broken_coulomb(rig, name) if paying > 0.0 else None)
@@ -157,9 +158,10 @@ def lightened_loop(rig: Rig, loop: PairLoop) -> PairLoop:
         keys = rig.axes[f"{side}.{loop.pair}"].compensation
         if keys is not None and keys.inertia > 0.0:
             reason = (
-                f"pair {loop.pair}: nothing is claimed of its stability, because inertia is taken "
-                f"off {side}.{loop.pair}: the linear model has none of that. If it swings, lower "
-                f"inertia_hz ({keys.inertia_hz:g}); the account bounds it"
+                f"pair {loop.pair}: no stability claim, because inertia is compensated on "
+                f"{side}.{loop.pair} and the linear model does not include that. If it "
+                f"oscillates, lower inertia_hz ({keys.inertia_hz:g}); the account bounds the "
+                "energy"
             )
             return loop._replace(verdict=Verdict(False, reason))
     return loop

@@ -29,8 +29,8 @@ def is_silent(rig: Rig) -> bool:
 def silence(rig: Rig, pair: str) -> str:
     """Return why a law without a verdict is not certified."""
     return (
-        f"coupling of {pair}: law {rig.coupling.law} states nothing about its passivity (its "
-        f"part has no verdict), so it is not certified"
+        f"coupling of {pair}: law {rig.coupling.law} makes no statement about its passivity (its "
+        "part has no verdict), so it is not certified"
     )
 
 

@@ -66,39 +66,39 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken
         "needed_coulomb": friction,
     }
     felt = felt_axes(rig).get(axis_name)
-    what = f", with what {felt} weighs to be felt," if felt else ""
+    what = f", including the weight of {felt} rendered to the hand," if felt else ""
     said = (
-        f"The load of {axis_name}{what} is carried half-way through each period; it changes by at "
-        f"most "
-        f"{slope:.3g} {stiff}, and takes {needed:.3g} {unit} of the device's damping."
+        f"The load of {axis_name}{what} is compensated at the middle of each period; its slope is "
+        f"at most {slope:.3g} {stiff}, which uses {needed:.3g} {unit} of the device's damping."
     )
     if axis_name == arm_axes(rig, axis_name.partition(".")[0])[0]:
         swing = payload_swing(rig, axis_name.partition(".")[0])
         if swing > 0.0:
             numbers["payload_j"] = swing
             said += (
-                f" Each payload that is taken up may give out {swing:.3g} J more over the range, "
-                "where the tip does not hold it."
+                f" Each payload change may supply up to {swing:.3g} J more over the range if the "
+                "tip does not actually hold it."
             )
     passive = Verdict(True, said, margin=left - needed)
     if needed > left:
-        wall = f", of which a wall takes {taken:.3g}" if taken > 0.0 else ""
+        wall = f", of which a wall uses {taken:.3g}" if taken > 0.0 else ""
         passive = Verdict(
             False,
-            f"the load of {axis_name}: carrying it takes {needed:.3g} {unit} of damping, "
-            f"damping.lower is {axis.damping.lower:.3g}{wall}; raise rate_hz to "
+            f"the load of {axis_name}: compensating for it takes {needed:.3g} {unit} of damping, "
+            f"but damping.lower is {axis.damping.lower:.3g}{wall}; raise rate_hz to "
             f"{rig.rate_hz * needed / left:.4g}"
             if left > 0.0
-            else f"the load of {axis_name}: carrying it takes {needed:.3g} {unit} of damping, and "
-            f"none is left; state the device's damping.lower",
+            else f"the load of {axis_name}: compensating for it takes {needed:.3g} {unit} of "
+            "damping, and none is left; give the device's damping.lower",
             margin=left - needed,
         )
     quantised = passive
     if passive.passed and friction > axis.coulomb.lower:
         quantised = Verdict(
             False,
-            f"the load of {axis_name}: with encoder steps carrying it takes {friction:.3g} "
-            f"{effort} of Coulomb friction, coulomb.lower is {axis.coulomb.lower:.3g}",
+            f"the load of {axis_name}: with encoder steps, compensating for it takes "
+            f"{friction:.3g} {effort} of Coulomb friction, but coulomb.lower is "
+            f"{axis.coulomb.lower:.3g}",
         )
     return Element(f"load of {axis_name}", "load", axis_name, passive, quantised, numbers, (said,))
 
@@ -111,16 +111,16 @@ def _borne(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], most: f
     each = load_offset(rig, axis_name, delays)
     low, high = axis.position_range or (float("-inf"), float("inf"))
     said = (
-        f"The load of {axis_name}, up to {most:.3g} {unit}, is carried by the coupling: it sets "
-        f"the pair up to {each * most:.3g} {place} apart."
+        f"The load of {axis_name}, up to {most:.3g} {unit}, is carried by the coupling, which "
+        f"causes an offset of up to {each * most:.3g} {place} in the pair."
     )
     verdict = Verdict(True, said)
     if each * most > high - low:
         verdict = Verdict(
             False,
-            f"the load of {axis_name}, up to {most:.3g} {unit}, sets its pair up to "
-            f"{each * most:.3g} {place} apart, more than its range of {high - low:.3g}; let it be "
-            "carried (compensate: true)",
+            f"the load of {axis_name}, up to {most:.3g} {unit}, causes an offset of up to "
+            f"{each * most:.3g} {place} in its pair, more than its range of {high - low:.3g}; "
+            "compensate for it (compensate: true)",
         )
     numbers = {"greatest_load": most, "offset_per_effort": each, "offset": each * most}
     return Element(f"load of {axis_name}", "load", axis_name, verdict, verdict, numbers, (said,))

@@ -70,21 +70,20 @@ def pair_loop(rig: Rig, name: str, delays: Delays) -> PairLoop:
         conditions += assumed(rig.axes[axis_name], axis_name, inertia=True, damping=True)
     met = None if rig.simulation is None else rig.simulation.environment.get(name)
     if isinstance(met, EnvironmentPart):
-        conditions.append(f"part {met.part}, which slave.{name} meets, keeps it stable as well")
+        conditions.append(f"part {met.part}, which slave.{name} touches, also keeps it stable")
     unstable = [case for case in cases if not case.stable]
     if unstable and rig.link is not None:
         reason = (
-            f"pair {name}: nothing is claimed, {unstable[0].contact}, with {hand.text}: over a "
-            "network the delay is not known, and its ends do not both reflect less than they "
-            f"receive. {coupling_verdict(rig).remedy(rig, name)}"
+            f"pair {name}: no claim, {unstable[0].contact}, with {hand.text}: over a network the "
+            "delay is unknown, and not both ends reflect less than they receive. "
+            f"{coupling_verdict(rig).remedy(rig, name)}"
         )
         return PairLoop(name, Verdict(False, reason), hand.text, cases)
     if unstable and rig.delay_samples > LONGEST:
         reason = (
-            f"pair {name}: nothing is claimed, {unstable[0].contact}, with {hand.text}: the line "
-            f"has {rig.delay_samples} samples each way, its modes are looked for up to {LONGEST}, "
-            "and its ends do not both reflect less than they receive. Lower coupling.delay_s, or "
-            "rate_hz"
+            f"pair {name}: no claim, {unstable[0].contact}, with {hand.text}: the line has "
+            f"{rig.delay_samples} samples each way, but modes are computed only up to {LONGEST}, "
+            "and not both ends reflect less than they receive. Lower coupling.delay_s, or rate_hz"
         )
         return PairLoop(name, Verdict(False, reason), hand.text, cases)
     if unstable:
@@ -98,7 +97,7 @@ def pair_loop(rig: Rig, name: str, delays: Delays) -> PairLoop:
     known = [case for case in cases if not math.isnan(case.radius)]
     tail, margin = "both ends reflect less than they receive at every frequency", None
     if rig.link is not None:
-        tail += ", so whatever the delay is"
+        tail += ", so for any delay"
     if known:
         worst = max(known, key=lambda case: case.radius)
         margin = 1.0 - worst.radius

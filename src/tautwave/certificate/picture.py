@@ -107,7 +107,7 @@ def certificate_figure(rig: Rig) -> Figure:
     instead = coupling_verdict(rig).picture
     waves = not instead
     count = max(1, len(rows) + waves)
-    title = f"{rig.name}: what is certified"
+    title = f"{rig.name}: certificate"
     figure, axes = panels([2.1] * count + [0.1], title, False, columns=2)
     text_panel(axes[-2], [(SOFT, text) for text in explanation(rig)])
     axes[-1].set_axis_off()
@@ -172,7 +172,7 @@ def _needed(panel: Axes, found: WallVerdict, unit: str) -> None:
         low = -0.5 * high
     factor, shown = _scaled(greatest, unit)
     panel.axhspan(factor * low, factor * present, color=WALL_SHADE, alpha=0.45, label="passive")
-    panel.axhline(factor * present, color=WALL, linewidth=1.4, label="the device has, certain")
+    panel.axhline(factor * present, color=WALL, linewidth=1.4, label="guaranteed device damping")
     colour = MASTER if found.passive else SLAVE
     label = "the wall needs"
     panel.semilogx(hertz, factor * needed, color=colour, label=label)

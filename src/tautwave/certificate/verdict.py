@@ -26,14 +26,14 @@ from tautwave.types import CommandDelay
 PASSES = {
     "passive": "no element gives back more energy than it received, for any passive hand and "
     "environment within the bounds stated for its ports.",
-    "passive_quantised": "passive with encoder steps too.",
+    "passive_quantised": "also passive with encoder steps.",
     "coupled_stable": "every pair is stable with the stated hand, free and in contact.",
 }
 
 UNKNOWN = Verdict(
-    False, "coupled_stable: not claimed of one of two sites, which knows neither the other's device"
-    " nor the network's delay; where both ends return less of a wave than arrives, any delay is"
-    " stable."
+    False, "coupled_stable: not claimed for a single site, which knows neither the other device "
+    "nor the network's delay; where both ends return less of a wave than arrives, any "
+    "delay is stable."
 )  # fmt: skip
 
 

@@ -119,7 +119,8 @@ def wall_element(
     if math.isfinite(claim):
         sentences.append(
             f"{name}: gives at most {joules(claim)} more than it took, in a host's stalls of up to "
-            f"{rig.overrun_limit} slots; it pays that before it gives again, and weakens with it."
+            f"{rig.overrun_limit} slots; it repays that before it supplies energy "
+            "again, and is softened in proportion."
         )
     return Element(
         name,
@@ -155,10 +156,8 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
     )
     if found is None:
         return []
-    numbers = found.sentence(rotary=axis.kind == "rotary").partition(
-        " is unstable against this hand"
-    )
-    return [f"{name}: unstable against this hand on the device{numbers[2]}."]
+    numbers = found.sentence(rotary=axis.kind == "rotary").partition(" is unstable with this hand")
+    return [f"{name}: unstable with this hand on the device{numbers[2]}."]
 
 
 def wall_claims(rig: Rig) -> dict[str, float]:

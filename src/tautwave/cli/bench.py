@@ -43,9 +43,8 @@ duration_option = click.option(
 def bench(ctx: click.Context, as_json: bool) -> None:
     """Measure loop timing and cost per step on this machine.
 
-    Without a suite, loop and laws run in their short form (below a minute). Times are CPU times
-    unless a table says otherwise; goals are printed as met or not met, the exit code is 0 either
-    way.
+    Without a suite, short versions of loop and laws run (under a minute). Times are CPU times
+    unless noted otherwise; goals are printed as met or not met, and the exit code is 0 either way.
 
     \b
     Examples:
@@ -73,7 +72,7 @@ def bench(ctx: click.Context, as_json: bool) -> None:
 @click.option(
     "--hour",
     is_flag=True,
-    help="Watch the resident size over a simulated hour; takes minutes. [default: 2 minutes]",
+    help="Track resident memory over a simulated hour; takes minutes. [default: 2 minutes]",
 )
 @click.option(
     "--rate",
@@ -83,7 +82,7 @@ def bench(ctx: click.Context, as_json: bool) -> None:
 )
 @json_option
 def loop(duration: float, hour: bool, rate: bool, as_json: bool) -> None:
-    """Run the live loop on loopback devices, recorder running, and time it.
+    """Time the live loop on loopback devices, with the recorder running.
 
     \b
     Examples:
@@ -115,7 +114,7 @@ def laws(as_json: bool) -> None:
 @click.option("--cycles", type=click.IntRange(100), default=2000, show_default=True)
 @json_option
 def buses(cycles: int, as_json: bool) -> None:
-    """Measure what one exchange of two axes costs the host, on every installed bus.
+    """Measure the host's cost of one exchange with two axes, for every installed bus.
 
     \b
     Example:
@@ -159,7 +158,7 @@ def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool)
 @out_option("Directory for the tables as CSV; default: none.")
 @json_option
 def extremes(full: bool, out: Path | None, as_json: bool) -> None:
-    """Run stiff and extreme cases: what is refused, what goes wrong, by how much.
+    """Run stiff and extreme cases: which are refused, which go wrong, and by how much.
 
     Contacts from 1 to 1e9 N/m on 1 mg to 100 kg with every scheme, whole rigs with one parameter at
     its extremes, and ten million (--full: a billion) steps of lossless scenes.
@@ -180,7 +179,7 @@ def extremes(full: bool, out: Path | None, as_json: bool) -> None:
 @bench.command(short_help="1,000 parameter sets in SIMD lanes against one at a time.")
 @json_option
 def lanes(as_json: bool) -> None:
-    """Measure the gain of a sweep that runs 16 parameter sets in SIMD lanes.
+    """Measure the speed-up of a sweep that runs 16 parameter sets in SIMD lanes.
 
     \b
     Example:
@@ -211,7 +210,7 @@ def port(hold: float | None, as_json: bool, **given: Any) -> None:
     if hold is None:
         suite = _backend().port(**given, tell=_tell)
     elif any(given.values()):
-        raise click.UsageError("--hold goes with --json only; it measures nothing else")
+        raise click.UsageError("--hold can be combined with --json only; it measures nothing else")
     else:
         suite = _backend().holding(seconds=hold, tell=_tell)
     print_suites([suite], as_json)
@@ -236,18 +235,18 @@ def networks(as_json: bool) -> None:
 @click.option(
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first one."
 )
-@click.option("--hour", is_flag=True, help="Move a pair for an hour, too: half a minute more.")
+@click.option("--hour", is_flag=True, help="Also simulate a pair for an hour; takes 30 s more.")
 @jobs_option
 @keep_option
 @json_option
 def network(
     patterns: int, first: int, hour: bool, jobs: int, keep: Path | None, as_json: bool
 ) -> None:
-    """Run a pair over random networks with our receiver, and with those in common use.
+    """Run a pair over random networks, with our receiver and with common ones.
 
-    Counts where more energy came out of a receiver than went into the far end: 0 for ours, to the
-    bit. Then chosen networks (jitter, loss, bursts, an outage) side by side, and a force held for
-    two minutes on two clocks. A core does about 5,000 patterns a minute.
+    Counts the cases in which a receiver released more energy than was sent: 0 for ours, to the bit.
+    Then runs selected networks (jitter, loss, bursts, an outage) side by side, and a force held for
+    two minutes on two clocks. One core runs about 5,000 patterns per minute.
 
     \b
     Examples:
@@ -270,7 +269,7 @@ def network(
 @click.option("--rate", type=Number(50.0, 5000.0), default=1000.0, show_default=True, help="[Hz]")
 @json_option
 def link(duration: float, rate: float, as_json: bool) -> None:
-    """Exchange sealed packets and bare datagrams between two processes: ways, lateness, memory.
+    """Exchange sealed packets and bare datagrams between two processes: delay, lateness, memory.
 
     Then run a rig's two sites as `tautwave run --site` does, recorded, for as long again.
 
@@ -285,10 +284,10 @@ def link(duration: float, rate: float, as_json: bool) -> None:
 @duration_option
 @json_option
 def view(duration: float, as_json: bool) -> None:
-    """Run a rig beside which bridges are open in every second turn, and compare its lateness.
+    """Run a rig with its bridges alternately open and closed, and compare its lateness.
 
-    They are the page, Foxglove and ROS 2, as far as they are installed, each with a client where it
-    needs one, and a program that polls rows.
+    The bridges are the page, Foxglove and ROS 2, if installed, each with a client if it needs one,
+    and a program that polls rows.
 
     \b
     Examples:
@@ -297,7 +296,7 @@ def view(duration: float, as_json: bool) -> None:
     print_suites([_backend().view(duration_s=duration, tell=_tell)], as_json)
 
 
-@bench.command(short_help="Every coupling, bare and in an account: tracking, calm, energy made.")
+@bench.command(short_help="Every coupling, with and without an account: tracking, calm, energy.")
 @click.option("--rigs", type=click.IntRange(0), default=1000, show_default=True)
 @click.option(
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first rig."
@@ -317,12 +316,12 @@ def view(duration: float, as_json: bool) -> None:
 @click.option(
     "--delays",
     is_flag=True,
-    help="Delays of 0.2 to 0.5 s instead: what a hand feels of a free, a soft and a rigid slave.",
+    help="Delays of 0.2 to 0.5 s instead: what the hand feels of a free, soft and rigid slave.",
 )
 @click.option(
     "--quick",
     is_flag=True,
-    help="One delay, 0.6 s each, nothing compiled; with --frontier: one hand each, two settings.",
+    help="One delay, 0.6 s each, without compiling; with --frontier: one hand each, two settings.",
 )
 @jobs_option
 @keep_option
@@ -341,10 +340,10 @@ def couplings(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Compare couplings on equal terms, and rigs drawn at random with and without an account.
+    """Compare couplings under equal conditions, and random rigs with and without an account.
 
-    The first time numba compiles nine kernels, for some minutes; then half a minute for each 1,000
-    rigs.
+    The first run compiles nine numba kernels, which takes minutes; after that, 1,000 rigs take half
+    a minute.
 
     \b
     Examples:
@@ -371,7 +370,7 @@ def couplings(
     print_suites([suite], as_json)
 
 
-@bench.command(short_help="Friction and inertia off the hand: how much lighter, never more.")
+@bench.command(short_help="Friction and inertia compensation: how much lighter the device feels.")
 @click.option("--runs", type=click.IntRange(0), default=1000, show_default=True)
 @click.option(
     "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first run."
@@ -380,7 +379,7 @@ def couplings(
 @keep_option
 @json_option
 def compensation(runs: int, first: int, jobs: int, keep: Path | None, as_json: bool) -> None:
-    """Measure free motion by share of friction and inertia taken off, and random runs against it.
+    """Measure free motion by share of compensated friction and inertia; test it with random runs.
 
     \b
     Examples:

@@ -44,7 +44,7 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     is_eager=True,
     expose_value=False,
     callback=_print_schema,
-    help="Print the JSON Schema of a rig file, for editors, and stop.",
+    help="Print the JSON Schema of rig files, for editors, and exit.",
 )
 @out_option(
     "Write check.json, all of it as text (check.txt), certificate.png, and the haptic performance "
@@ -57,7 +57,7 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     "--verbose",
     "-v",
     is_flag=True,
-    help="Print the plan, the arithmetic of the buses and the whole certificate as well.",
+    help="Also print the plan, the bus-time calculation and the full certificate.",
 )
 @click.pass_context
 def check(
@@ -70,7 +70,7 @@ def check(
     simulate: bool | tuple[str, ...],
     verbose: bool,
 ) -> None:
-    """Check RIG: its keys, what is in and left out, bus time, certificate. The verdict is last.
+    """Check RIG: keys, elements used and unused, bus time, certificate. The verdict is last.
 
     \b
     Examples:
@@ -172,7 +172,7 @@ def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]
         says = verdict(found["passed"], found["state"])
         if found["passed"] and found["conditions"]:
             count = len(found["conditions"])
-            says = Cell(f"{says.text}: rests on {count} condition{'s'[: count > 1]}", says.style)
+            says = Cell(f"{says.text}: depends on {count} condition{'s'[: count > 1]}", says.style)
         yield f"{str(name).replace('_', ' ')}{required}", says
 
 
@@ -194,13 +194,13 @@ def _claims(claims: Sequence[Any]) -> Iterator[tuple[str | Cell, ...]]:
 def _last(name: str, result: Any, verbose: bool) -> Section:
     """Return a line for each failure, and whether the rig may run."""
     out = sum(1 for _, state, _ in result.plan if state == "left out")
-    more = f"{out} elements are left out; --verbose lists them, with the whole certificate."
+    more = f"{out} elements are not used; --verbose lists them, with the full certificate."
     rows: list[tuple[str | Cell, ...]] = [] if verbose else [(Cell(more, FAINT),)]
     rows += [(Cell(why, BAD),) for why in result.failures]
     if result.exit_code == 0:
         rows.append((Cell(f"{name}: may run.", GOOD),))
     else:
-        why = {3: "not certified as it requires", 4: "rate too high for a bus"}.get(
+        why = {3: "not certified as required", 4: "rate too high for a bus"}.get(
             result.exit_code, ""
         )
         reason = f": {why}" if why else ""

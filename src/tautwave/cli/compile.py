@@ -16,9 +16,9 @@ from tautwave.cli.options import echo_json, json_option
 def compile_(rigs: tuple[Path, ...], as_json: bool) -> None:
     """Compile what `sweep`, `simulate` and long reports run for each of RIGS.
 
-    A law is compiled once per machine, version and Python, which takes about half a minute of one
-    processor; afterwards it is read from the cache (NUMBA_CACHE_DIR, or the user's cache folder).
-    Without RIGS: the README's rig.
+    A law is compiled once per machine, version and Python, which takes about half a minute on one
+    core; afterwards it is read from the cache (NUMBA_CACHE_DIR, or the user's cache directory).
+    Default: the README's rig.
 
     \b
     Examples:

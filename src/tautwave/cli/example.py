@@ -15,9 +15,9 @@ from tautwave.cli.terminal.show import Section, show
 @out_option("Copy into DIR, which is created if needed; default: the current directory.")
 @json_option
 def example(name: str | None, out: Path | None, as_json: bool) -> None:
-    """List the rig files that come with tautwave, or copy the one called NAME.
+    """List the rig files shipped with tautwave, or copy the one called NAME.
 
-    A sweep comes with its rig, a scene with its sounds. An existing file is never replaced.
+    A sweep includes its rig, a scene its sounds. Existing files are never overwritten.
 
     \b
     Examples:

@@ -46,11 +46,11 @@ _PARSED = "tautwave.arguments"
 
 EXIT_CODES = (
     "Exit codes: 0 fine; 1 an unexpected error, with its traceback in a file; 2 usage or "
-    "configuration; 3 not certified, or the certificate invalidated by the run's measurements;"
-    " 4 over the bus-time budget; 5 bus or device fault; 6 safety stop; 7 a recording or another"
-    " result is incomplete or cannot be written (3, 5 and 6 outrank it, and the last line names"
-    " both); 129, 130, 143 ended by SIGHUP, Ctrl-C, SIGTERM before anything moved; 141 the "
-    "reader of its output closed early."
+    "configuration; 3 not certified, or the certificate invalidated by the run's measurements; 4 "
+    "bus-time budget exceeded; 5 bus or device fault; 6 safety stop; 7 a recording or another "
+    "result is incomplete or cannot be written (3, 5 and 6 take precedence, and the last line "
+    "names both); 129, 130, 143 ended by SIGHUP, Ctrl-C, SIGTERM before anything moved; 141 the "
+    "output pipe was closed early."
 )
 
 
@@ -109,7 +109,7 @@ class Commands(click.Group):
             command = ctx.invoked_subcommand or "tautwave"
             message = f"{command}: ended by {str(err) or 'Ctrl-C'}"
             if command == "run":
-                message += " before anything moved; no directory is left"
+                message += " before anything moved; no directory was created"
             with suppress(OSError):  # a terminal that was closed
                 click.echo(message, err=True)
             ctx.exit(getattr(err, "exit_code", 130))
@@ -165,7 +165,7 @@ def _save_traceback(err: Exception, command: str) -> str:
 def main() -> None:
     """Teleoperation over fieldbuses: two devices coupled by a taut string.
 
-    A rig is one YAML file. Take one, check it, run it, read the report:
+    A rig is one YAML file. Copy one, check it, run it, read the report:
 
     \b
         tautwave example bench-1dof-loopback

@@ -46,24 +46,28 @@ _NOT_NOISE = (
     metavar="RIG|RECORDING",
     callback=of_kind(RIG, RUN, RECORDING, TABLE),
 )
-@click.option("--axis", metavar="NAME", help="Such as master.wrist; required if there are several.")
+@click.option(
+    "--axis", metavar="NAME", help="Axis, such as master.wrist; required if there are several."
+)
 @click.option(
     "--noise",
     is_flag=True,
-    help="Measure the encoder of a lever that stands still instead: step, noise, its colour.",
+    help="Instead, measure the encoder of a lever at rest: step, noise and its colour.",
 )
 @click.option(
-    "--load", is_flag=True, help="RIG: move an arm's joints, or one axis, slowly: what they weigh."
+    "--load",
+    is_flag=True,
+    help="RIG: move an arm's joints, or one axis, slowly to find their weight.",
 )
 @click.option(
     "--lever",
     is_flag=True,
-    help="RECORDING: the device itself instead, from its motion and its motor's effort.",
+    help="RECORDING: instead, identify the device itself from its motion and motor effort.",
 )
 @click.option(
     "--outside",
     metavar="COLUMN",
-    help="RECORDING, --lever: column of a sensor of what touched it; its scale is found, too.",
+    help="RECORDING, --lever: column of a sensor for external contact; its scale is estimated too.",
 )
 @click.option(
     "--intent",
@@ -86,7 +90,7 @@ _NOT_NOISE = (
     type=Number(0.0, 1.0, min_open=True),
     default=0.3,
     metavar="0..1",
-    help="RIG: greatest effort as a share of the axis' effort_limit; default 0.3.",
+    help="RIG: maximum effort as a fraction of the axis' effort_limit; default 0.3.",
 )
 @click.option(
     "--reach",
@@ -100,7 +104,7 @@ _NOT_NOISE = (
 @simulate_option
 @click.option("--attach", is_flag=True, help="RIG: as for run.")
 @click.option(
-    "--allow-uncertified", is_flag=True, help="RIG: move motors of a rig that is not certified."
+    "--allow-uncertified", is_flag=True, help="RIG: allow motion of a rig that is not certified."
 )
 @click.option("--position", metavar="COLUMN", help="RECORDING: column of the position.")
 @click.option(
@@ -119,22 +123,26 @@ _NOT_NOISE = (
     type=float,
     callback=positive,
     metavar="HZ",
-    help="RECORDING: low-pass on force and motion alike; default 40, at most rate / 25.",
+    help="RECORDING: low-pass on both force and motion; default 40, at most rate / 25.",
 )
-@click.option("--from", "begin_s", type=Number(), metavar="S", help="RECORDING: use from here.")
-@click.option("--to", "end_s", type=Number(), metavar="S", help="RECORDING: use up to here.")
+@click.option(
+    "--from", "begin_s", type=Number(), metavar="S", help="[s] RECORDING: use data from this time."
+)
+@click.option(
+    "--to", "end_s", type=Number(), metavar="S", help="[s] RECORDING: use data up to this time."
+)
 @click.pass_context
 def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     """Identify the device of an axis of RIG, or the environment in a RECORDING.
 
-    A RIG (.yaml) is run: the coupling is off, one axis is excited by a few sines within its limits
-    and a soft centring spring; nothing may hold it. The result is inertia, viscous and Coulomb
-    friction with 95 % intervals, as lines for the rig file. A RECORDING is a run's directory, its
-    .mcap, a .csv or .mat: the result is stiffness, damping, surface and force offset of the
-    environment (or the hand); with --lever inertia, friction and encoder of the device.
+    A RIG (.yaml) is run with the coupling off: one axis is excited by a few sines within its
+    limits, with a soft centring spring; nothing may hold it. The result is inertia, viscous and
+    Coulomb friction with 95 % intervals, as lines for the rig file. A RECORDING is a run's
+    directory, its .mcap, a .csv or .mat: the result is stiffness, damping, surface and force offset
+    of the environment (or the hand); with --lever inertia, friction and encoder of the device.
 
-    With --noise the lever stands still, clamped best; of a RIG no axis gets any effort. The result
-    is the encoder's step, and standard deviation and autocorrelation of its noise.
+    With --noise the lever must be at rest, preferably clamped; on a RIG no axis gets any effort.
+    The result is the encoder's step, and the standard deviation and autocorrelation of its noise.
 
     \b
     Examples:
@@ -147,8 +155,7 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     rig = source.suffix in RIG_SUFFIXES and not source.is_dir()
     if not rig and source.suffix not in RECORDINGS and not source.is_dir():
         raise ConfigError(
-            f"{source}: is neither a rig (.yaml), a run's directory nor a recording "
-            "(.mcap, .csv, .mat)"
+            f"{source}: is not a rig (.yaml), a run directory or a recording (.mcap, .csv, .mat)"
         )
     given = {
         p.name: p.opts[0]
@@ -162,13 +169,13 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
             raise click.UsageError(f"{given[name]} is for a {other}; {source} is a {this}.")
     for name in _NOT_NOISE if options["noise"] else ():
         if name in given:
-            raise click.UsageError(f"{given[name]} has no meaning with --noise.")
+            raise click.UsageError(f"{given[name]} cannot be combined with --noise.")
     for name in ("model", "intent") if options["lever"] else ("outside",):
         if name in given:
             with_or = "has no meaning with" if options["lever"] else "requires"
             raise click.UsageError(f"{given[name]} {with_or} --lever.")
     if options["load"] and "share" in given:
-        raise click.UsageError("--share has no meaning with --load.")
+        raise click.UsageError("--share cannot be combined with --load.")
     if options["noise"]:
         _noise(source, rig, options)
     elif options["load"]:

@@ -98,7 +98,7 @@ def _simulated(
     for name in value:
         if name.endswith((".yaml", ".yml")):
             raise click.BadParameter(
-                f"took {name!r} as the name of a bus; put it behind the rig file", ctx, param
+                f"took {name!r} as a bus name; put it after the rig file", ctx, param
             )
     return True if EVERY_BUS in value else value
 
@@ -157,7 +157,7 @@ wait_option = click.option(
     type=Number(0.0, 3600.0),
     default=0.0,
     metavar="S",
-    help="Wait for a run that is still to begin [s].",
+    help="Wait this long for a run to start [s].",
 )
 
 
@@ -169,7 +169,7 @@ def out_option(text: str) -> Callable[[Any], Any]:
 def positive(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
     """Accept only finite numbers above 0; click's FloatRange accepts NaN and inf."""
     if value is not None and not (value > 0.0 and math.isfinite(value)):
-        raise click.BadParameter(f"has to be a finite number above 0 (got {value:g})", ctx, param)
+        raise click.BadParameter(f"must be a finite number above 0 (got {value:g})", ctx, param)
     return value
 
 

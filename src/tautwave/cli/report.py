@@ -35,19 +35,23 @@ from tautwave.kinds import RECORDING, RUN, TABLE
     "mapped",
     multiple=True,
     metavar="OURS=THEIRS",
-    help="--against: the file's column for one of the run's; a sign or factor may stand before it "
-    "(slave.lever.commanded=-tau). Default: by name.",
+    help="--against: the file's column for one of the run's; it may have a sign or factor "
+    "(slave.lever.commanded=-tau). Default: match by name.",
 )
 @click.option("--time", metavar="COLUMN", help="--against: the file's column of the time [s].")
 @click.option(
-    "--from", "begin_s", type=Number(), metavar="S", help="--against: compare from here on."
+    "--from",
+    "begin_s",
+    type=Number(),
+    metavar="S",
+    help="[s] --against: compare from this time on.",
 )
 @click.option("--to", "end_s", type=Number(), metavar="S", help="--against: up to here.")
 @click.option(
     "--figures",
     "kind",
     type=click.Choice(["pdf", "svg"]),
-    help="For papers: write each figure of the report to its own file, without title, and no page.",
+    help="For papers: write each figure of the report to its own file, without titles or a page.",
 )
 @click.option(
     "--width",
@@ -96,11 +100,11 @@ def report(
     """
     for run in (directory, other):
         if run is not None and not run.is_dir():
-            raise RecordingError(f"{run}: there is no such directory; give the --out of a run")
+            raise RecordingError(f"{run}: no such directory; give the --out of a run")
     only = {"--map": mapped, "--time": time, "--from": begin_s, "--to": end_s}
     if against is not None:
         if other is not None or kind is not None:
-            raise click.UsageError("--against compares one run with a file; nothing else with it.")
+            raise click.UsageError("--against compares one run with one file; give no other run.")
         part = {"time": time, "begin_s": begin_s, "end_s": end_s}
         _against(directory, against, mapped, out, part)
         return
@@ -143,7 +147,7 @@ def _against(
     from tautwave.report.units import quantity, significant
 
     if not recording_file(file).is_file():
-        raise RecordingError(f"{file}: there is no such recording")
+        raise RecordingError(f"{file}: no such recording")
     run = load_run(directory)
     found = compare_recording(run, file, mapped, **part)
     folder = out or directory / f"against-{file.resolve().stem}"
@@ -196,4 +200,4 @@ def _figures(
     for path in written:
         click.echo(path)
     if not written:
-        raise RecordingError(f"{directory}: there is nothing to draw; the recording has no rows")
+        raise RecordingError(f"{directory}: nothing to draw: the recording has no rows")

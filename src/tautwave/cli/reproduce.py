@@ -14,16 +14,16 @@ from tautwave.cli.terminal.show import BAD, Cell, Section, plain_text, show
 from tautwave.errors import TautwaveError
 
 
-@click.command(short_help="Draw the figures and tables of the papers this started from.")
+@click.command(short_help="Reproduce the figures and tables of the original papers.")
 @click.argument("name", required=False)
 @out_option(
-    "Write the figures (SVG and PNG) and the table (TXT and JSON) of the chapter into DIR; without "
-    "NAME, of all chapters."
+    "Write the figures (SVG and PNG) and the table (TXT and JSON) of the chapter NAME to DIR; "
+    "without NAME, of all chapters."
 )
 @json_option
 @click.pass_context
 def reproduce(ctx: click.Context, name: str | None, out: Path | None, as_json: bool) -> None:
-    """Recompute the numbers of chapter NAME, beside the published ones.
+    """Recompute the numbers of chapter NAME and show them next to the published ones.
 
     Without NAME and --out: list the chapters. Exit code 1 if a number differs by more than the
     published digits allow.
@@ -69,7 +69,7 @@ def reproduce(ctx: click.Context, name: str | None, out: Path | None, as_json: b
         if not row.agrees
     ]
     if differ:
-        raise DiffersError(f"differs from its reference: {'; '.join(differ)}")
+        raise DiffersError(f"differs from the reference: {'; '.join(differ)}")
 
 
 class DiffersError(TautwaveError):

@@ -42,7 +42,7 @@ from tautwave.runtime.interrupts import interrupts
 @site_option
 @click.option("--allow-uncertified", is_flag=True, help="Run a rig that is not certified.")
 @click.option("--allow-unwatched", is_flag=True, help="Run devices without a watchdog.")
-@click.option("--configure", is_flag=True, help="Write settings into devices if they differ.")
+@click.option("--configure", is_flag=True, help="Write settings to devices if they differ.")
 @simulate_option
 @click.option(
     "--attach",
@@ -52,20 +52,24 @@ from tautwave.runtime.interrupts import interrupts
 @click.option(
     "--commands",
     metavar="FILE",
-    help="Commands of an operated rig: a file with lines `TIME COMMAND`, or - for lines from stdin"
-    " as they come.",
+    help="Commands for an operated rig: a file of lines `TIME COMMAND`, or - to read them from "
+    "stdin.",
 )
 @click.option(
     "--end-with-input",
     is_flag=True,
-    help="With --commands -: stop when the input ends, as it does when the program that writes it"
-    " is killed.",
+    help="With --commands -: stop when the input ends, for example because the program that "
+    "writes it was killed.",
 )
-@click.option("--quiet", is_flag=True, help="Show nothing while it runs; the summary at the end.")
+@click.option("--quiet", is_flag=True, help="Print only the summary at the end.")
 @click.option(
-    "--allow-tuning", is_flag=True, help="Let anyone with the page's token change tunable numbers."
+    "--allow-tuning",
+    is_flag=True,
+    help="Allow anyone with the page's token to change tunable parameters.",
 )
-@click.option("--view", is_flag=True, help="Serve its page while it runs, and print the address.")
+@click.option(
+    "--view", is_flag=True, help="Serve the live page during the run, and print its address."
+)
 @click.option(
     "--play",
     is_flag=True,
@@ -95,15 +99,15 @@ def run(
 ) -> None:
     """Run RIG: check it, move, record, report.
 
-    The first lines say how each bus runs: hardware, simulated here, or simulated elsewhere.
+    The first lines show how each bus runs: hardware, simulated here, or simulated elsewhere.
     Hardware named in the rig is opened unless --simulate is given.
 
-    Ctrl-C, SIGTERM and a closed terminal (SIGHUP) ramp down, write the report and exit 0; a second
-    one stops immediately, and one during the report ends only the report. The run's directory holds
-    rig.yaml, summary.json, recording.mcap, report.html and its figures.
+    Ctrl-C, SIGTERM and a closed terminal (SIGHUP) ramp down, write the report and exit with 0; a
+    second one stops immediately, and one during the report aborts only the report. The run's
+    directory holds rig.yaml, summary.json, recording.mcap, report.html and its figures.
 
-    A rig with an `operate` block takes commands. Keys on the terminal: space engages and lets go, c
-    clutches, p holds, r rests, e begins and ends an episode, q stops.
+    A rig with an `operate` block accepts commands. Keys at the terminal: space engages and
+    disengages, c clutches, p holds, r rests, e starts and ends an episode, q stops.
 
     \b
     Examples:
@@ -193,7 +197,7 @@ def _played(directory: Path) -> str:
 
     sound = directory / "output.wav"
     if not sound.exists():
-        return "not played: this run left no sound"
+        return "not played: this run produced no sound"
     return play_sound(sound) or f"played {sound}"
 
 
@@ -211,7 +215,7 @@ def fresh_directory(out: Path | None, name: str) -> Path:
         holds_something = any(out.iterdir())
     if holds_something:
         raise ConfigError(
-            f"{out}: is not empty, and runs are never overwritten; give a new --out, or remove "
-            f"it first"
+            f"{out}: not empty, and runs are never overwritten; give a new --out, or remove it "
+            "first"
         )
     return out

@@ -28,7 +28,7 @@ from tautwave.errors import ConfigError
 def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool) -> None:
     """Find the devices on a bus. `tautwave scan DRIVER --help` shows the options of a driver.
 
-    Nothing is enabled and nothing is written into a device.
+    Enables nothing and writes nothing to a device.
 
     \b
     Examples:
@@ -46,7 +46,7 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
 
     plugin = load_driver(driver)
     if plugin.scan_options is None:
-        raise ConfigError(f"scan: {driver} has nothing to scan")
+        raise ConfigError(f"scan: driver {driver} does not support scanning")
     if wants_help:
         print_help(f"scan {driver}", f"Find devices: {plugin.summary}.", plugin.scan_options)
         return
@@ -58,7 +58,7 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
         echo_json(found)
         return
     if not found:
-        click.echo(f"scan: nothing answered on {driver}", err=True)
+        click.echo(f"scan: no response on {driver}", err=True)
         return
     columns = tuple(dict.fromkeys(key for device in found for key in device))
     rows = [tuple(_cell(device.get(key)) for key in columns) for device in found]

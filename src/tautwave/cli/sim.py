@@ -29,7 +29,7 @@ from tautwave.errors import ConfigError
 @click.option(
     "--hand",
     is_flag=True,
-    help="DRIVER: move the devices by lines on stdin, `IDS POSITION [SECONDS]` or `IDS free`.",
+    help="DRIVER: move the devices with lines on stdin, `IDS POSITION [SECONDS]` or `IDS free`.",
 )
 @click.option("-h", "--help", "wants_help", is_flag=True, help="Show this message and exit.")
 @click.pass_context
@@ -61,9 +61,11 @@ def sim(
             click.echo(ctx.get_help())
             return
         if hand:
-            raise ConfigError("sim: --hand is for devices without a rig; a rig has `simulation`")
+            raise ConfigError(
+                "sim: --hand is for devices without a rig; a rig file has `simulation.hand`"
+            )
         if ctx.args:
-            raise ConfigError(f"sim: {ctx.args[0]!r} is not for a rig file; change it with --set")
+            raise ConfigError(f"sim: {ctx.args[0]!r} cannot be combined with a rig file; use --set")
         _serve_rig(Path(what), overrides, simulate)
         return
     _serve_driver(what, ctx.args, wants_help, hand=hand)
@@ -79,7 +81,7 @@ def _serve_driver(driver: str, arguments: list[str], wants_help: bool, *, hand: 
 
     plugin = load_simulator(driver)
     if plugin.bench is None or plugin.bench_options is None or plugin.serve is None:
-        raise ConfigError(f"sim: {driver} has no endpoint that other software could open")
+        raise ConfigError(f"sim: {driver} has no endpoint that other software can open")
     if wants_help:
         print_help(f"sim {driver}", f"Serve {plugin.summary}.", plugin.bench_options)
         return

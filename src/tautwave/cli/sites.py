@@ -14,7 +14,7 @@ PORT = 7447
 
 keys_option = click.option(
     "--keys", "directory", type=PATH, required=True, metavar="DIR",
-    help="Where this site's .pem and .key and authority.pem are; see tautwave keys init.",
+    help="Directory with this site's .pem and .key, and authority.pem; see tautwave keys init.",
 )  # fmt: skip
 
 
@@ -27,7 +27,7 @@ def link() -> None:
     """Measure the path between two sites: loss, delay, order, clocks.
 
     One site serves, the other tests; nothing moves. TCP and UDP use the same port number: forward
-    both, or use a VPN of your own.
+    both, or use a VPN.
 
     \b
     Examples:
@@ -40,7 +40,7 @@ def link() -> None:
 @keys_option
 @_name_option("--site", "slave", "Name of this site.")
 @_name_option("--peer", "master", "Name of the other site.")
-@click.option("--bind", default="", help="Address to serve at; default: all.")
+@click.option("--bind", default="", help="Address to listen on; default: all.")
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True)
 @click.option("--once", is_flag=True, help="End after the first test.")
 def serve(directory: Path, site: str, peer: str, bind: str, port: int, once: bool) -> None:
@@ -57,14 +57,14 @@ def serve(directory: Path, site: str, peer: str, bind: str, port: int, once: boo
         click.echo(line)
 
 
-@link.command("test", short_help="Test the path to a site that serves.")
+@link.command("test", short_help="Test the path to a site that is serving.")
 @click.argument("address", metavar="HOST[:PORT]")
 @keys_option
 @_name_option("--site", "master", "Name of this site.")
 @_name_option("--peer", "slave", "Name of the other site.")
 @click.option(
     "--rate", type=Number(1.0, 10000.0), default=1000.0, show_default=True,
-    help="Datagrams a second each way [Hz].",
+    help="Datagrams per second each way [Hz].",
 )  # fmt: skip
 @click.option("--duration", type=Number(1.0, 3600.0), default=10.0, show_default=True, help="[s]")
 @click.option("--rig", type=PATH, help="Show what the delay means for this rig's pairs.")
@@ -121,8 +121,8 @@ def _compliance(rig: Any, delay: float) -> Iterator[str]:
         if offset > 0.0:
             unit = "mrad per N m" if rig.master.axes[name].kind == "rotary" else "mm per N"
             yield (
-                f"pair {name}: over {1e3 * delay:.3g} ms each way, a steady force sets master and "
-                f"slave {1e3 * offset:.3g} {unit} apart"
+                f"pair {name}: over {1e3 * delay:.3g} ms each way, a steady force causes an "
+                f"offset of {1e3 * offset:.3g} {unit} between master and slave"
             )
 
 
@@ -136,7 +136,7 @@ def keys() -> None:
     """
 
 
-@keys.command("init", short_help="Make an authority and a certificate per site.")
+@keys.command("init", short_help="Create an authority and one certificate per site.")
 @click.argument("directory", type=click.Path(path_type=Path))
 @click.option(
     "--site",
@@ -144,16 +144,16 @@ def keys() -> None:
     multiple=True,
     default=("master", "slave"),
     show_default=True,
-    help="Name of a site; give two or more.",
+    help="Name of a site; give at least two.",
 )
 @click.option(
     "--days", type=click.IntRange(1, 3650), default=825, show_default=True, help="Validity [days]."
 )
 def init(directory: Path, sites: tuple[str, ...], days: int) -> None:
-    """Make an authority and a certificate per site in DIRECTORY, which is new or empty.
+    """Create an authority and one certificate per site in DIRECTORY, which must be new or empty.
 
-    Copy to each machine authority.pem and the site's own .pem and .key, nothing else. The
-    authority's own key is not kept: to add a site or to withdraw one, make all anew.
+    Copy authority.pem and the site's own .pem and .key to each machine, and nothing else. The
+    authority's key is not kept: to add or revoke a site, create all keys again.
 
     \b
     Examples:
@@ -165,5 +165,6 @@ def init(directory: Path, sites: tuple[str, ...], days: int) -> None:
     for path in make_authority(directory, sites, days):
         click.echo(path)
     click.echo(
-        "Copy to each site authority.pem and its own .pem and .key; then remove the rest here."
+        "Copy to each site authority.pem and its own .pem and .key; then "
+        "delete the remaining files here."
     )

@@ -46,8 +46,8 @@ def sweep(
     130), the same command resumes it. If pyarrow is installed the finished table is also written as
     Parquet. No device is touched.
 
-    A file with planes is a map: the stiffness of a wall over another quantity, with the passive and
-    the stable limit as predicted and as simulated.
+    A file with planes is a map: wall stiffness over another quantity, with the predicted and
+    simulated passive and stable limits.
 
     \b
     Examples:
@@ -63,8 +63,8 @@ def sweep(
     from tautwave.sweep.map import is_map
 
     if scheduler is not None and (jobs is not None or is_map(file)):
-        other = "--jobs" if jobs is not None else "a map, which this machine computes"
-        raise click.UsageError(f"--scheduler does not go with {other}")
+        other = "--jobs" if jobs is not None else "a map; maps are computed on this machine"
+        raise click.UsageError(f"--scheduler cannot be combined with {other}")
     if is_map(file):
         draw_map(file, out, as_json=as_json)
         return

@@ -43,7 +43,7 @@ def take_calibration(document: Document) -> None:
         if not isinstance(document.get(path), dict):
             document.report(
                 ("calibration",),
-                f"it has an axis {name}, the rig does not; run tautwave calibrate again",
+                f"it lists axis {name}, which the rig does not have; run tautwave calibrate again",
             )
         elif isinstance(found, dict):
             _take(document, found, path)
@@ -66,7 +66,7 @@ def _read(document: Document, block: dict[str, Any]) -> Any:
         document.report(
             ("calibration", "sha256"),
             f"{path} is not the file that this rig was calibrated with (its SHA-256 is "
-            f"{digest(text)}); put that one back, or run tautwave calibrate again",
+            f"{digest(text)}); restore the original, or run tautwave calibrate again",
         )
         return None
     axes = found.value.get("axes") if isinstance(found.value, dict) else None

@@ -98,8 +98,8 @@ def _complete_quanta(document: Document, rig: Rig, plugins: dict[str, DriverPlug
                     path = (side, "axes", name, key)
                     problems.append(
                         f"{document.where(path)}: {show_path(path)}: the options of bus "
-                        f"{axis.bus!r} make it {value:.9g} (got {given:.9g}); remove it, or "
-                        f"correct one of them"
+                        f"{axis.bus!r} set it to {value:.9g} (got {given:.9g}); remove it, or "
+                        "correct one of them"
                     )
             axes[name] = axis.model_copy(update=facts)
         sides[side] = getattr(rig, side).model_copy(update={"axes": axes})
@@ -141,7 +141,7 @@ def _check_counts(document: Document, rig: Rig) -> None:
             problems.append(
                 f"{document.where(path)}: {show_path(path)}: one count within a period of "
                 f"{1e3 * period:.4g} ms reads as {reads:.4g} {unit}, beyond velocity_limit "
-                f"{axis.velocity_limit:g}, so the first count stops the run; use {remedy} "
+                f"{axis.velocity_limit:g}, so the first count would stop the run; use {remedy} "
                 f"(got {quantum:.6g})"
             )
     if problems:

@@ -68,7 +68,7 @@ def _fill(
     for key, value in defaults.items():
         taken = [_put(document, (*source, key), value, (*block, key)) for block in blocks]
         if not any(taken):
-            document.report((*source, key), f"no {taker} takes this default; remove it")
+            document.report((*source, key), f"no {taker} uses this default; remove it")
 
 
 def _put(document: Document, source: KeyPath, value: Any, path: KeyPath) -> bool:

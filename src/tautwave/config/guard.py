@@ -23,7 +23,7 @@ DEEPEST_JSON = 64
 def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"{text[:20]} is no finite number")
+        raise ValueError(f"{text[:20]} is not a finite number")
     return number
 
 
@@ -67,7 +67,7 @@ def read_guarded(
     except FileNotFoundError as err:
         raise ConfigError(f"{path}: no such file") from err
     except IsADirectoryError as err:
-        raise ConfigError(refused(path, kind) or f"{path}: a folder, not {_a(kind)}") from err
+        raise ConfigError(refused(path, kind) or f"{path}: a directory, not {_a(kind)}") from err
     except (OSError, ValueError) as err:
         reason = getattr(err, "strerror", None) or err
         raise ConfigError(f"{path}: cannot be read: {reason}") from err
@@ -94,7 +94,7 @@ def _decoded(path: Path, kind: str, raw: bytes, encodings: Sequence[str]) -> str
         if found is not None:  # any bytes are text in an 8-bit code
             line = text.count("\n", 0, found.start()) + 1
             raise ConfigError(
-                f"{path}:{line}: no text (character U+{ord(found[0]):04X}), so not {_a(kind)}"
+                f"{path}:{line}: not text (character U+{ord(found[0]):04X}), so not {_a(kind)}"
             )
         return text
     assert first is not None

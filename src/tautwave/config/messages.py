@@ -19,7 +19,7 @@ from tautwave.errors import ConfigError
 
 _PATTERNS = {
     r"^[A-Za-z_][A-Za-z0-9_-]*$": "a name has letters, digits, _ and -, and begins with a letter",
-    r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-]*$": "an axis is named here in full, such as "
+    r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-]*$": "use the full axis name here, such as "
     "master.wrist or slave.wrist",
 }
 
@@ -115,7 +115,11 @@ def _foreign_key(word: str, model: type[BaseModel]) -> str:
     if not (issubclass(model, Block) and model.part_word):
         return ""
     laws = laws_with(word, model)
-    return f"only for law {' or '.join(laws)}, this is {model.part_word}; remove it" if laws else ""
+    return (
+        f"only for law {' or '.join(laws)}, but this is {model.part_word}; remove it"
+        if laws
+        else ""
+    )
 
 
 def _asked_by(word: str, model: type[BaseModel] | None) -> str:

@@ -12,14 +12,14 @@ _REPLACED: tuple[tuple[type[BaseModel], str, str], ...] = (
     (
         Coupling,
         "wave_filter_hz",
-        "the ports of law wave filter now, each at its own rate: move it into each pair, as "
+        "the ports of law wave filter now, each at its own rate: move it to each pair, as "
         "coupling.pairs.NAME.wave_filter_hz",
     ),
     (
         Pair,
         "drift_time_s",
-        "positions on a wave line do not drift any more, and waves that were cut are repaid "
-        "without it; remove it",
+        "no longer needed: positions on a wave line do not drift, and cut waves are repaid "
+        "anyway; remove it",
     ),
 )
 

@@ -71,7 +71,7 @@ def find_example(name: str) -> Example:
     example = known.get(name.removesuffix(".yaml"))
     if example is None:
         hint = nearest(name, list(known))
-        raise ConfigError(f"no example is called {name!r}{hint}; `tautwave example` lists them all")
+        raise ConfigError(f"there is no example {name!r}{hint}; `tautwave example` lists all")
     return example
 
 
@@ -104,8 +104,8 @@ def copy_example(name: str, folder: Path) -> list[Copied]:
     taken = [target for source, target in plan if not _free_for(source, target)]
     if taken:
         raise ConfigError(
-            [f"{target}: is there already, and is not the shipped file" for target in taken]
-            + ["nothing was copied; name another folder with --out"]
+            [f"{target}: already exists and differs from the shipped file" for target in taken]
+            + ["nothing was copied; choose another directory with --out"]
         )
     return [Copied(target, _copy(source, target)) for source, target in plan]
 

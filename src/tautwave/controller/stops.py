@@ -192,7 +192,7 @@ def guard_sentence(
         3: "is not finite",
         RUNAWAY: "received a scene effort over a million times its limit of "
         f"{limit.effort:.6g} {_effort(unit)}",
-        NOT_A_NUMBER: f"was asked by its coupling, law {law.name}, for what is not finite",
+        NOT_A_NUMBER: f"was commanded a non-finite effort by its coupling, law {law.name}",
         UNSEEN: "had no sample for too long",
     } | {own: guard.sentence for own, guard in law.guards.items()}
     details = {UNSEEN: "skipped slots count, too (loop.missing_limit)"} | {
@@ -209,8 +209,9 @@ def guard_sentence(
 def mismatch_sentence(pair: str, gap: float, tolerance: float, unit: str) -> str:
     """Say that a slave starts too far from where its master wants it [slave's `unit`]."""
     return (
-        f"pair {pair}: the slave starts {gap:+.6g} {unit} from where the master wants it, more "
-        f"than engage_tolerance ({tolerance:.6g} {unit} at the slave); move one of them, or use "
+        f"pair {pair}: the slave starts {gap:+.6g} {unit} away from where the master puts it, "
+        f"more than engage_tolerance ({tolerance:.6g} {unit} at the "
+        "slave); move one of them, or use "
         "offset: at_engage"
     )
 
@@ -219,9 +220,8 @@ def unarmed_sentence(axes: Iterable[tuple[str, str, LimitParams]]) -> str:
     """Say that the pairs did not engage; `axes` are name, unit of position, and limits."""
     limits = ", ".join(f"{name} {p.effort:.6g} {_effort(unit)}" for name, unit, p in axes)
     return (
-        f"not engaged after {ARM_TIMEOUT_S:g} s: an axis is not measured, or asks for more than "
-        f"{ARM_SHARE:.0%} of its effort limit ({limits}) while standing; move the axes out of "
-        "their walls"
+        f"not engaged after {ARM_TIMEOUT_S:g} s: an axis has no samples, or needs more than "
+        f"{ARM_SHARE:.0%} of its effort limit ({limits}) at rest; move the axes out of their walls"
     )
 
 
@@ -233,8 +233,8 @@ def unbalanced_sentence(axis: AxisName, p: AxisParams, shown: float) -> str:
     unit = _effort(axis.unit)
     raw = p.sensor_zero + shown / p.sensor_gain
     return (
-        f"{axis.name}: its effort sensor shows {shown:+.3g} {unit} while no motor acts, and "
-        f"at rest friction balances at most {p.rest_effort:.3g} {unit}; let go of it, or, if "
+        f"{axis.name}: its effort sensor reads {shown:+.3g} {unit} with the motors off, but "
+        f"friction at rest balances at most {p.rest_effort:.3g} {unit}; release it, or, if "
         f"nothing touches it, set effort_sensor.offset to about {raw:.3g}"
     )
 

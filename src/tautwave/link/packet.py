@@ -64,10 +64,10 @@ class Refusal(Enum):
     """Why a payload is not a packet."""
 
     SHORT = "is too short for a packet"
-    VERSION = "speaks another version of the protocol; both sites need the same release"
-    LENGTH = "has another length than its header says"
+    VERSION = "uses another protocol version; both sites need the same release"
+    LENGTH = "has a length that differs from its header"
     SITE = "comes from the same side as this one; one site is the master, the other the slave"
-    RANGE = "has numbers that no site sends"
+    RANGE = "contains values that no site sends"
 
 
 def packet_size(lines: int, repeated: int) -> int:

@@ -39,7 +39,7 @@ def parse_trace(text: str, name: str) -> list[float]:
                 f"0 or 1 (got {line.strip()[:80]})"
             )
         if found and round(1e9 * at) <= found[-2]:
-            raise ConfigError(f"{name}:{number}: times have to rise")
+            raise ConfigError(f"{name}:{number}: times must increase")
         found += [round(1e9 * at), LOST if lost else round(1e9 * delay)]
     if len(found) < 4:
         raise ConfigError(f"{name}: a trace needs at least two packets")

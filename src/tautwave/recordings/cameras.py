@@ -55,8 +55,8 @@ def refuse_others(directory: Path, first_s: float) -> None:
         path = directory / FILE.format(name=name)
         if int(_said(path)["epoch_ns"]) != epoch_ns:
             raise RecordingError(
-                f"{path}: its pictures are of another run than {RUN} beside it; move it away, or"
-                " export with --no-video"
+                f"{path}: its pictures are from a different run than {RUN} next to it; move it "
+                "away, or export with --no-video"
             )
 
 

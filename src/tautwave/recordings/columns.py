@@ -81,7 +81,7 @@ def read_columns(
     path = recording_file(path)
     if _FINER.search(_plain(time_column)):
         raise ConfigError(
-            f"{path}: {time_column!r} is not in seconds, by its name; times are read in seconds"
+            f"{path}: {time_column!r} is, by its name, not in seconds; times must be in seconds"
         )
     wanted = list(dict.fromkeys([time_column, *names]))
     if path.suffix.lower() == ".mcap":
@@ -142,7 +142,7 @@ def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool
 def _wrong(number: float | None) -> str:
     if number is None or not math.isfinite(number):
         return "not a finite number"
-    return f"beyond {GREATEST:g}, which nothing is"
+    return f"beyond the plausible limit {GREATEST:g}"
 
 
 def _mat(path: Path) -> dict[str, Array]:
@@ -196,8 +196,7 @@ def _heading(path: Path, file: TextIO) -> tuple[list[str], str, int]:
     names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
     if names and all(_number(name, separator) is not None for name in names):
         raise ConfigError(
-            f"{path}:{number}: starts with numbers; a first line with the names of its columns is "
-            "needed"
+            f"{path}:{number}: starts with numbers; the first line must hold the column names"
         )
     return names, separator, number
 

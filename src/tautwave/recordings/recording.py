@@ -170,7 +170,7 @@ def read_recording(
         path = found
     name = os.fspath(path)
     if stride < 1 or rows.step not in (None, 1):
-        raise RecordingError("a recording is read forwards, every n-th row with n >= 1")
+        raise RecordingError("only positive steps are supported: every n-th row with n >= 1")
     try:
         with open(path, "rb", buffering=0) as file:
             return _read(name, file.fileno(), columns, rows, stride)

@@ -95,8 +95,8 @@ def mapped_columns(run: Run, file: Path, given: Sequence[str]) -> dict[str, Colu
         found = _by_names(run, theirs)
     if not found:
         raise ConfigError(
-            f"{file}: no column is named as a position or command of master or slave; say which "
-            f"with --map OURS=THEIRS (there are {', '.join(theirs[:20]) or 'none'})"
+            f"{file}: no column is named as a position or command of master or slave; assign them "
+            f"with --map OURS=THEIRS (columns: {', '.join(theirs[:20]) or 'none'})"
         )
     return found
 
@@ -154,7 +154,9 @@ def compare_recording(
     read = read_columns(file, [name for name, _ in columns.values()], clock, holes=True)
     good = np.all([np.isfinite(values) for values in read.values()], axis=0)
     if np.count_nonzero(good) < 2:
-        raise ConfigError(f"{file}: has no two rows in which all that is compared is known")
+        raise ConfigError(
+            f"{file}: has fewer than two rows in which all compared columns are known"
+        )
     times = (read[clock] - read[clock][0])[good]
     now = run.read("time_s")["time_s"]
     after = np.clip(np.searchsorted(times, now, side="right"), 1, len(times) - 1)
@@ -166,8 +168,8 @@ def compare_recording(
     )
     if np.count_nonzero(inside) < _LEAST:
         raise ConfigError(
-            f"{file}: less than {_LEAST} cycles of the run are in the recording's {times[-1]:.4g} s"
-            " and between --from and --to"
+            f"{file}: fewer than {_LEAST} cycles of the run lie within the recording's "
+            f"{times[-1]:.4g} s and between --from and --to"
         )
     now = now[inside]
     found = []

@@ -26,5 +26,5 @@ def unrest(shares: Any, pair: str) -> str:
         return ""
     return (
         f"{pair}: not calm: {100.0 * found[1]:.0f} % of the {found[0]}'s motion power is above "
-        f"{VOLUNTARY_HZ:g} Hz, where no hand moves by will."
+        f"{VOLUNTARY_HZ:g} Hz, faster than voluntary hand motion."
     )

@@ -30,13 +30,15 @@ class Column(NamedTuple):
 SECTIONS = {
     "The cycle": (
         Column("time_s", "s", "start of the slot, since the first one"),
-        Column("lateness_us", "µs", "how much later than its slot the cycle began"),
-        Column("compute_us", "µs", "from there to the end of the cycle; waiting for buses counts"),
-        Column("skipped_slots", "", "slots passed over before this one, because the loop was late"),
+        Column("lateness_us", "µs", "delay of the cycle's start after its slot"),
+        Column(
+            "compute_us", "µs", "from there to the end of the cycle, including waiting for buses"
+        ),
+        Column("skipped_slots", "", "slots skipped before this one, because the loop was late"),
     ),
     "An axis": (
         Column("SIDE.AXIS.position", "rad, m", "as measured"),
-        Column("SIDE.AXIS.velocity", "rad/s, m/s", "as the controller takes it, after its filter"),
+        Column("SIDE.AXIS.velocity", "rad/s, m/s", "as used by the controller, after its filter"),
         Column(
             "SIDE.AXIS.commanded",
             "N m, N; rad/s, m/s",
@@ -45,63 +47,65 @@ SECTIONS = {
         Column(
             "SIDE.AXIS.port_effort",
             "N m, N",
-            "what the coupling takes at this port, opposite to the motor's push",
+            "effort of the coupling at this port, opposite to the motor's",
         ),
         Column("SIDE.AXIS.valid", "0, 1", "whether this cycle has a sample of the axis"),
         Column(
             "SIDE.AXIS.port_energy",
             "J",
-            "what the motor took out of the device so far: effort that acted times displacement",
+            "energy absorbed by the motor from the device so far: "
+            "applied effort times displacement",
         ),
-        Column("SIDE.AXIS.gross_flow", "J", "the same, all increments counted positive"),
+        Column("SIDE.AXIS.gross_flow", "J", "the same, with all increments counted as positive"),
         Column(
             "SIDE.AXIS.uncertainty",
             "J",
-            "how far `port_energy` may be off where an effort did not act for whole periods, or was"
-            " only sampled",
+            "uncertainty of `port_energy` where an effort did not act for whole periods, or was "
+            "only sampled",
         ),
         Column("SIDE.AXIS.wave_in", "W^½", "the wave that arrived (law `wave`)"),
         Column("SIDE.AXIS.wave_out", "W^½", "the wave that left (law `wave`)"),
         Column(
             "SIDE.AXIS.believed_effort",
             "N m, N",
-            "what acts on the device by the law's observer (`four_channel`, `position_force`)",
+            "external effort on the device, by the law's observer "
+            "(`four_channel`, `position_force`)",
         ),
         Column(
             "SIDE.AXIS.model_stiffness",
             "N m/rad, N/m",
-            "law `mediated`: of the surface that a slave found last or that a master renders;"
-            " negative: it fills what is below",
+            "law `mediated`: position of the surface last found by the slave or rendered by the "
+            "master; negative: it fills what is below",
         ),
         Column("SIDE.AXIS.model_position", "rad, m", "where that surface is"),
         Column(
             "SIDE.AXIS.model_interval",
             "N m/rad, N/m",
-            "half-width of the 95 % interval of the stiffness that the slave found",
+            "half-width of the 95 % interval of the stiffness estimated at the slave",
         ),
         Column(
             "SIDE.AXIS.model_paid",
             "J",
-            "what the account paid so far for changes of a surface while it was pressed",
+            "energy paid by the account so far for changes of a surface in contact",
         ),
         Column("SIDE.AXIS.link_delay", "s", "over a network: age of the wave that was played out"),
-        Column("SIDE.AXIS.link_depth", "s", "over a network: how much of that it waited here"),
+        Column("SIDE.AXIS.link_depth", "s", "over a network: how much of that was waiting here"),
         Column(
             "SIDE.AXIS.link_backlog",
             "rad, m",
-            "over a network: motion of the other side that is still to come, in the master's units",
+            "over a network: motion of the other side still outstanding, in the master's units",
         ),
         Column("SIDE.AXIS.link_silence", "s", "over a network: since the last packet arrived"),
         Column("SIDE.AXIS.link_lost", "", "over a network: packets lost on the way here, so far"),
         Column(
             "SIDE.AXIS.link_cut",
             "",
-            "over a network: cycles so far in which the energy received did not pay for the wave",
+            "over a network: cycles so far in which the energy received did not cover the wave",
         ),
         Column(
             "SIDE.AXIS.measured_effort",
             "N m, N",
-            "admittance axes, and those with an effort_sensor: the effort from outside, measured",
+            "admittance axes, and those with an effort_sensor: external effort, measured",
         ),
         Column(
             "SIDE.AXIS.followed",
@@ -112,9 +116,9 @@ SECTIONS = {
         Column(
             "SIDE.AXIS.motor_effort",
             "N m, N",
-            "what the motor gave, by its own current, where the drive reports it; NaN: no sample",
+            "motor effort from its current, where the drive reports it; NaN: no sample",
         ),
-        Column("SIDE.AXIS.wall_effort", "N m, N", "what the local wall adds"),
+        Column("SIDE.AXIS.wall_effort", "N m, N", "effort of the local wall"),
         Column(
             "SIDE.AXIS.answer_us",
             "µs",
@@ -131,12 +135,12 @@ SECTIONS = {
         Column(
             "PAIR.align_slave.absorbed",
             "J",
-            "what the slave's motor took out of its device meanwhile; negative: it gave",
+            "energy absorbed by the slave's motor meanwhile; negative: supplied",
         ),
         Column(
             "PAIR.hold_master.absorbed",
             "J",
-            "of an operated rig: what the master's motor took while not engaged",
+            "operated rig: energy absorbed by the master's motor while not engaged",
         ),
     ),
     "A pair": (
@@ -159,34 +163,31 @@ SECTIONS = {
             "command taken in this cycle: 1 engage, 2 clutch, 3 hold, 4 rest, 5 stop, 6 scale, "
             "7 episode, 8 payload",
         ),
-        Column("operation.engagement", "", "how often the pairs have engaged so far"),
-        Column("operation.episode", "", "number of the episode that runs, 0 for none"),
+        Column("operation.engagement", "", "number of engagements so far"),
+        Column("operation.episode", "", "number of the current episode, 0 for none"),
         Column("operation.scale", "", "factor on every pair's position_scale, 1 at first"),
         Column(
             "PAIR.operate.absorbed",
             "J",
-            "what both motors took out of the devices while not engaged; negative: an alignment"
-            " gave",
+            "energy absorbed by both motors while not engaged; negative: supplied by an alignment",
         ),
     ),
     "A rig that is tuned": (
-        Column("tuning.generation", "", "how many sets of values have been taken so far"),
+        Column("tuning.generation", "", "number of parameter sets applied so far"),
         Column("tuning.SIDE.AXIS.wall_stiffness", "N m/rad, N/m", "of the local wall, as it acts"),
         Column("tuning.SIDE.AXIS.wall_damping", "N m s/rad, N s/m", "of the local wall"),
         Column("tuning.SIDE.AXIS.wall_position", "rad, m", "of the local wall"),
-        Column("tuning.SIDE.AXIS.effort_ceiling", "N m, N", "greatest effort of wall and coupling"),
+        Column("tuning.SIDE.AXIS.effort_ceiling", "N m, N", "maximum effort of wall and coupling"),
         Column("tuning.PAIR.wave_filter_hz", "Hz", "corner of the filter in both ports"),
     ),
     "Books of a coupling": (
         Column(
             "PAIR.port_SIDE.absorbed",
             "J",
-            "each element has the three of these. Absorbed: what went into it since the start",
+            "each element has all three. Absorbed: energy that entered it since the start",
         ),
         Column("PAIR.port_SIDE.stored", "J", "what it holds now"),
-        Column(
-            "PAIR.port_SIDE.dissipated", "J", "what it turned into heat; negative: what it created"
-        ),
+        Column("PAIR.port_SIDE.dissipated", "J", "energy dissipated; negative: created"),
         Column(
             "PAIR.damper_SIDE.absorbed",
             "J",
@@ -197,27 +198,32 @@ SECTIONS = {
             "J",
             "conversion between the line's rate and that of a slow bus",
         ),
-        Column("PAIR.line.absorbed", "J", "the delay line: the waves under way"),
+        Column("PAIR.line.absorbed", "J", "the delay line: waves in transit"),
         Column(
             "PAIR.receiver_SIDE.absorbed",
             "J",
-            "over a network: what was sent to a side and is not given out yet, in counts of"
-            " 2^-40 J",
+            "over a network: energy sent to a side and not yet released, in counts of 2^-40 J",
         ),
-        Column("PAIR.network.absorbed", "J", "over a network: what is under way"),
-        Column("PAIR.coupler.absorbed", "J", "a law of positions, by its spring and what is left"),
+        Column("PAIR.network.absorbed", "J", "over a network: energy in transit"),
+        Column("PAIR.coupler.absorbed", "J", "a position law: its spring and the remainder"),
         Column(
-            "PAIR.account_SIDE.absorbed", "J", "an account: work of its law, credit got less sent"
+            "PAIR.account_SIDE.absorbed",
+            "J",
+            "an account: work of its law, credit received minus sent",
         ),
-        Column("PAIR.credits.absorbed", "J", "credit under way between accounts"),
+        Column("PAIR.credits.absorbed", "J", "credit in transit between accounts"),
         Column("PAIR.model_master.absorbed", "J", "law `mediated`: the spring that is rendered"),
-        Column("PAIR.compensation_SIDE.absorbed", "J", "friction compensation; negative: it gave"),
-        Column("PAIR.inertia_SIDE.absorbed", "J", "inertia taken off, by account; negative: gave"),
+        Column("PAIR.compensation_SIDE.absorbed", "J", "friction compensation; negative: supplied"),
+        Column(
+            "PAIR.inertia_SIDE.absorbed",
+            "J",
+            "inertia compensation, by account; negative: supplied",
+        ),
         Column("PAIR.wall_SIDE.absorbed", "J", "a local wall"),
     ),
     "What carries a load": (
         Column("load.SIDE.AXIS.effort", "N m, N", "sent beside the coupling's, along the position"),
-        Column("load.SIDE.AXIS.energy", "J", "taken out of the device by it; below 0: given"),
+        Column("load.SIDE.AXIS.energy", "J", "absorbed by it from the device; negative: supplied"),
         Column("load.SIDE.potential", "J", "what the side's loads hold more than at the start"),
         Column("load.SIDE.leak", "J", "all of that energy with the potential's change"),
         Column("load.SIDE.given", "J", "most that was given at any time beyond the potential"),
@@ -248,9 +254,9 @@ SECTIONS = {
     "The truth of a simulated axis": (
         Column("true.SIDE.AXIS.position", "rad, m", "where it really is"),
         Column("true.SIDE.AXIS.velocity", "rad/s, m/s", ""),
-        Column("true.SIDE.AXIS.reference", "rad, m", "where the hand wants to be"),
-        Column("true.SIDE.AXIS.hand_effort", "N m, N", "what the hand does to the device"),
-        Column("true.SIDE.AXIS.environment_effort", "N m, N", "what it touches does to it"),
+        Column("true.SIDE.AXIS.reference", "rad, m", "intended position of the hand"),
+        Column("true.SIDE.AXIS.hand_effort", "N m, N", "effort of the hand on the device"),
+        Column("true.SIDE.AXIS.environment_effort", "N m, N", "effort of the environment on it"),
         Column("plant.SIDE.AXIS.hand_work", "J", "work of the hand's intent"),
         Column("plant.SIDE.AXIS.motor_work", "J", "work of the motor"),
         Column(
@@ -272,19 +278,20 @@ SECTIONS = {
         Column("scene.numeric", "J", "created by a scheme that holds forces over a step"),
         Column("scene.port_work", "J", "done by the ports"),
         Column("scene.pumped", "J", "done by external forces"),
-        Column("scene.residual", "J", "what the account of the network misses: rounding"),
+        Column("scene.residual", "J", "residual of the network's energy balance: rounding"),
         Column(
             "scene.hold",
             "J",
-            "what the devices gave less than the network got, since efforts are held",
+            "energy that the network received beyond what the devices "
+            "supplied, due to the effort hold",
         ),
         Column(
-            "scene.asked.PORT", "N m, N", "effort that the network asks of a port, before limits"
+            "scene.asked.PORT", "N m, N", "effort commanded by the network at a port, before limits"
         ),
         Column(
             "scene.at.NODE",
             "m",
-            "where a node is; in three dimensions one column for each coordinate",
+            "position of a node; in three dimensions one column per coordinate",
         ),
     ),
 }

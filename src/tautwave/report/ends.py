@@ -41,15 +41,15 @@ class End(NamedTuple):
     def sentence(self) -> str:
         """A broken claim or a blow in a sentence; empty without either."""
         given, claim = quantity(self.given, "J", 3), quantity(self.claim, "J", 3)
-        blow = f"{quantity(self.blow, 'J', 3)} of it in a blow beyond its velocity limit"
+        blow = f"{quantity(self.blow, 'J', 3)} of it in an impact beyond its velocity limit"
         if self.passed and self.blow == 0.0:
             return ""
         if self.passed:
-            return f"{self.axis} port: gave out {given}, {blow}; its claim is {claim}."
+            return f"{self.axis} port: supplied {given}, {blow}; its claim is {claim}."
         apart = f", {blow}" if self.blow > 0.0 else ""
         return (
-            f"{self.axis} port: gave out {given}{apart}, more than its claim of {claim}; "
-            "its encoder, its delay or its driver is not what the rig says."
+            f"{self.axis} port: supplied {given}{apart}, more than its claim of {claim}; its "
+            "encoder, delay or driver differs from the rig."
         )
 
 

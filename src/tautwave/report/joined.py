@@ -258,7 +258,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
         " Each site's times count from the start of its own run.</p>"
     )
     if not found["same_rig"]:
-        yield '<p class="note">The keys that both need alike are not equal in both summaries.</p>'
+        yield '<p class="note">Keys that must match on both sites differ in the summaries.</p>'
     rows = []
     for pair, books in found["pairs"].items():
         unit, _ = axis_units(books["kind"])
@@ -285,20 +285,20 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
                 "entered",
                 "stored",
                 "dissipated",
-                "given",
+                "supplied",
                 "claimed",
                 "residual",
                 "of gross flow",
-                "least under way",
+                "least in transit",
                 "at the end",
             ),
             tuple(rows),
-            "Entered: through both devices. Dissipated is below 0 where ports gave more out of "
-            "their reserves than they took. Given: what both sites' motors gave at most, and what "
-            "was claimed of them before. The residual is the greatest that both books "
-            "together did not account for. Under way: sent by one site and not yet received; "
-            "its least lies between two numbers, for the clocks are not known better. That at the "
-            "end of a session needs no clock.",
+            "Entered: through both devices. Dissipated is negative where ports supplied more from "
+            "their reserves than they absorbed. Supplied: the maximum from both sites' motors, "
+            "and the prior claim. The residual is the largest energy that both accounts together "
+            "did not explain. In transit: sent by one site and not yet received; its minimum is "
+            "known only to within two values, because the clocks are not known better. The value "
+            "at the end of a session needs no clock.",
         )
     )
     from tautwave.report.figures.joined import joined_figure

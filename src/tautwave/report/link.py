@@ -40,7 +40,7 @@ class Kept(NamedTuple):
         if self.passed:
             return ""
         much, may = quantity(-self.least, "J", 3), quantity(self.reserve, "J", 3)
-        return f"{self.element}: gave out {much} more than was sent to it; {may} are its reserve."
+        return f"{self.element}: supplied {much} more than was sent to it; its reserve is {may}."
 
 
 def kept_of(run: Run) -> Iterator[Kept]:
@@ -142,7 +142,9 @@ def _budget(run: Run, pair: str, sides: dict[str, Any]) -> str:
         for part, value in expected.items()
     )
     compute = number(block(run.summary, "compute_us").get("p99"))
-    inside = "" if compute is None else f"; computing took {1e-3 * compute:.3g} of it at p99"
+    inside = (
+        "" if compute is None else f"; computing accounted for {1e-3 * compute:.3g} of it at p99"
+    )
     return (
         f"{pair}: {1e3 * sum(measured.values()):.4g} ms one way at the median, "
         f"{1e3 * sum(expected.values()):.4g} expected: {parts} ms{inside}."

@@ -43,9 +43,9 @@ def noise_sentences(run: Run) -> Iterator[str]:
                 unit = "rad" if keys.get("kind") == "rotary" else "m"
                 times = f", {found / declared:.2g} times the declared" if declared > 0.0 else ""
                 yield (
-                    f"{axis}: its position noise is {quantity(found, unit, 3)}"
-                    f"{times} (position_noise {declared:g}): its port may lose its coupling, "
-                    "and what it claims in fact does not hold."
+                    f"{axis}: its position noise is {quantity(found, unit, 3)}{times} "
+                    f"(position_noise {declared:g}): its port may decouple, and its claim does "
+                    "not hold."
                 )
 
 

@@ -74,13 +74,13 @@ def _sentence(axis: str, keys: Mapping[str, Any], found: SensorBalance) -> Itera
         to = f"{low:.3g} to {high:.3g}" if high < 1e6 else f"more than {low:.3g}"
         new = f"{scale * found.scale.middle:.3g}" if high < 1e6 else f"{scale * low:.3g} or more"
         yield (
-            f"{axis}: its effort sensor shows {to} times what its motor held at {found.rests} "
+            f"{axis}: its effort sensor reads {to} times what its motor held at {found.rests} "
             f"rests, {held}: effort_sensor.scale should be about {new}, or effort_limit and the "
             "motor's torque constant are wrong."
         )
     elif 0.0 not in found.offset:
         yield (
-            f"{axis}: at rest its effort sensor shows {found.offset.lower:.3g} to "
-            f"{found.offset.upper:.3g} {unit} of nothing ({found.rests} rests, {held}): "
-            f"effort_sensor.offset should be about {offset + scale * found.offset.middle:.3g}."
+            f"{axis}: at rest and unloaded, its effort sensor reads {found.offset.lower:.3g} to "
+            f"{found.offset.upper:.3g} {unit} ({found.rests} rests, {held}): effort_sensor.offset "
+            f"should be about {offset + scale * found.offset.middle:.3g}."
         )

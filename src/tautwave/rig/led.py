@@ -47,7 +47,7 @@ def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
         A master takes velocity, or the rig has none.
     """
     if rig.scene is not None:
-        raise ConfigError(f"{rig.name}: a rig with a scene has no master that a policy could lead")
+        raise ConfigError(f"{rig.name}: a rig with a scene has no master that a policy could drive")
     operated = rig.model_copy(update={"operate": rig.operate or Operate()})
     hands = {} if rig.simulation is None else dict(rig.simulation.hand)
     if any(isinstance(getattr(hand, "reference", None), Policy) for hand in hands.values()):
@@ -56,7 +56,8 @@ def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
     for number, (name, axis) in enumerate(rig.master.axes.items()):
         if axis.inertia is None:
             raise ConfigError(
-                f"master.axes.{name}: takes velocity; a policy leads masters that take effort"
+                f"master.axes.{name}: velocity-controlled; a policy can only "
+                "drive effort-controlled masters"
             )
         axes[name] = axis.model_copy(update={**SENSED, "bus": BUS, "id": number})
         hands[name] = _hand(axis, hands.get(name), fps)

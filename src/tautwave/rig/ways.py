@@ -221,7 +221,7 @@ def _nothing_answers(rig: Rig, name: str, fake: bool) -> str:
         )
     driver = bus.driver
     if driver == "loopback":
-        return f"bus {name}: nothing would respond on it; add a simulation block to the rig"
+        return f"bus {name}: it has no devices that respond; add a simulation block to the rig"
     return (
         f"bus {name}: it has no endpoint, and the rig has no simulation; add a simulation block "
         "to the rig, or name a device in its options"

@@ -129,13 +129,13 @@ class SideLoad:
     def take_up(self, payload: str) -> str:
         """Weigh with another payload from now on, over the ramp; return why not, or ''."""
         if payload not in self.others:
-            return f"unknown; give one of {', '.join(self.others)}"
+            return f"unknown; choose one of {', '.join(self.others)}"
         if not all(self._known):
-            return f"it is not known yet where the {self.name}'s arm is"
+            return f"the position of the {self.name}'s arm is not known yet"
         if self._left:
-            return "the last one is still being taken up"
+            return "the previous payload is still being applied"
         if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):
-            return f"the {self.name}'s arm moves; let it stand"
+            return f"the {self.name}'s arm is moving; keep it still"
         self._before, self._loads = self._loads, self.others[payload]
         self._left = self._ramp
         return ""
@@ -201,13 +201,13 @@ def take_payload(loads: Sequence[SideLoad], argument: str) -> tuple[str, bool]:
     """
     sides = [side for side in loads if side.others]
     if not sides:
-        return "payload: no arm of the rig has `payloads`", True
+        return "payload: no arm in the rig defines `payloads`", True
     first, _, rest = argument.partition(" ")
     if len(sides) > 1:
         sides = [side for side in sides if side.name == first]
         argument = rest.strip()
     if not sides:
-        return f"payload: say whose, master or slave (got {first[:40]!r})", True
+        return f"payload: state the side, master or slave (got {first[:40]!r})", True
     why = sides[0].take_up(argument)
     return (f"payload {argument[:40]!r}: {why}", True) if why else (argument, False)
 

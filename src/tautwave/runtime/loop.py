@@ -187,8 +187,8 @@ class Loop:
             if self._clock.now_ns() > limit:
                 names = ", ".join(bus.name for bus in waiting)
                 raise BusTimeout(
-                    f"bus {names}: not enabled after {ENABLE_TIMEOUT_S:g} s; "
-                    "look at the drive's state and its faults"
+                    f"bus {names}: not enabled after {ENABLE_TIMEOUT_S:g} s; check the drive's "
+                    "state and faults"
                 )
             deadline += period
             now = self._clock.now_ns()

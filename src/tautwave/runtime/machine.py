@@ -20,7 +20,7 @@ def _raise_priority(priority: int) -> str:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as err:
-        return f"SCHED_FIFO refused ({err.strerror}); lateness is the default scheduler's"
+        return f"SCHED_FIFO refused ({err.strerror}); running under the default scheduler"
     return f"SCHED_FIFO, priority {priority}"
 
 

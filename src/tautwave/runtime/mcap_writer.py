@@ -97,7 +97,7 @@ def drain(order: Order, ring: Ring, file: Any) -> None:
                 block = np.concatenate((block, slots[: count - len(block)]))
             if not _is_fresh(block, mark):
                 if ended:
-                    raise RuntimeError(f"row {tail} of the ring was counted but never copied")
+                    raise RuntimeError(f"row {tail} of the ring was counted but not copied")
                 break  # its stores became visible later than its count: check again after the wait
             if mark < 0.0:
                 file.epoch_ns = ring.words[words.EPOCH]  # said before the first row was

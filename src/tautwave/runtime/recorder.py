@@ -217,12 +217,12 @@ class Recorder:
                     writer.kill()
                     writer.wait()
                     return (
-                        f"the recording's writer made no progress for {STUCK_S:g} s and was "
+                        f"the recording writer made no progress for {STUCK_S:g} s and was "
                         f"killed; {self._what_is_left()}"
                     )
                 time.sleep(0.002)
         except KeyboardInterrupt:
-            return f"not waited for: {self.path} is still being completed by its writer"
+            return f"not waiting: {self.path} is still being completed by its writer"
         if shared[words.FINISHED]:
             return None
         error = self._ring.error

@@ -89,7 +89,9 @@ class Tap:
                 raise RecordingError("the run has ended")
             descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         except OSError as error:
-            raise RecordingError(f"the run has ended, or is not yours ({error})") from error
+            raise RecordingError(
+                f"the run has ended or belongs to another user ({error})"
+            ) from error
         try:
             return cls(descriptor, live.rows, len(live.columns))
         except (OSError, ValueError) as error:

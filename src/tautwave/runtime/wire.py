@@ -44,6 +44,6 @@ class Wire:
             lines = [last_line(table, k.post, k.days, slot, k.repeated) for k in ends]
             read = read_packet(write_packet(Packet(site, slot, 0, 0, 0, tuple(lines))), 1 - site)
             if isinstance(read, Refusal):
-                raise DriverError(f"link: a packet of this very process {read.value}")
+                raise DriverError(f"link: a packet from this same process {read.value}")
             for k, line in zip(ends, read.lines, strict=True):
                 put_line(table, k.post, k.days, read.slot, line)

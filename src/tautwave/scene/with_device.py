@@ -77,8 +77,8 @@ def why_not(network: Network) -> str | None:
         return f"one spring has to be at the port (there are {len(touching)})"
     if len(springs) != len(network.masses) + 1:
         return (
-            "every mass needs one spring of its own beside the port's: their numbers are what is "
-            f"chosen ({len(network.masses)} masses, {len(springs) - 1} springs)"
+            "every mass needs one spring of its own beside the port's: their parameters are what "
+            f"is chosen ({len(network.masses)} masses, {len(springs) - 1} springs)"
         )
     return None
 
@@ -250,7 +250,7 @@ def _solve(
         numbers, gap = numbers + share * change, tried
     if not np.abs(gap).max() <= EQUAL:
         raise ValueError(
-            f"no numbers of its springs and dampers give the loop its modes at {1.0 / period:.4g} "
-            "Hz; raise rate_hz, or leave the key out"
+            f"no spring and damper values give the loop its intended modes at {1.0 / period:.4g} "
+            "Hz; raise rate_hz, or remove the key"
         )
     return numbers

@@ -94,7 +94,7 @@ def refuse_uncertified(rig: Rig, certificate: dict[str, Any]) -> None:
         return
     lines = [f"{rig.name}: not certified as {rig.require.replace('_', ' ')}, which it requires:"]
     lines += [f"  {sentence}" for sentence in certificate["sentences"]]
-    lines.append("--allow-uncertified runs it anyway.")
+    lines.append("Use --allow-uncertified to run it anyway.")
     raise NotCertifiedError("\n".join(lines))
 
 

@@ -136,7 +136,12 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         facts.append(("claims", _engagements(rig)))
         if rig.operate.scales:
             listed = ", ".join(f"{scale:g}" for scale in rig.operate.scales)
-            facts.append(("scales", f"1, {listed}: each is certified; ports claim the greatest"))
+            facts.append(
+                (
+                    "scales",
+                    f"1, {listed}: each is certified; the ports' claims are the largest of all",
+                )
+            )
     facts += [(f"bus {name}", way.describe()) for name, way in ways.items()]
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))

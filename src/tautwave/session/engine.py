@@ -43,7 +43,7 @@ def compiled_devices(
             "*/tautwave.simulation.live.entry._step_control-*.nbi"
         )
     ):
-        progress(0.0, "compiling the controller, once per machine and version")
+        progress(0.0, "compiling the controller (once per machine and version)")
 
     return CompiledDevices
 

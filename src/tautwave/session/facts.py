@@ -123,9 +123,13 @@ def load_facts(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str,
                 text += f"; with what {felt[name]} weighs, which the hand feels (reflect_load)"
             elif pair in rig.coupling.pairs:
                 each = load_offset(rig, name, delays)
-                would = "carried beside the coupling; else it would set" if name in carried else ""
+                would = (
+                    "compensated for outside the coupling; otherwise it would set"
+                    if name in carried
+                    else ""
+                )
                 text += (
-                    f"; {would or 'carried by the coupling, it sets'} the pair {each:.3g} {place} "
+                    f"; {would or 'carried by the coupling: it sets'} the pair {each:.3g} {place} "
                     f"apart per {unit}, {each * most:.3g} {place} in all"
                 )
             yield f"load of {name}", text

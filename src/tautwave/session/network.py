@@ -24,7 +24,7 @@ def link_of(rig: Rig) -> Link:
 def network_words(rig: Rig) -> str:
     """Say what a network does to packets: at a site, what the rig takes the real one to be."""
     words = _simulated(link_of(rig))
-    return words if rig.site is None else f"the real one; delays as if it were: {words}"
+    return words if rig.site is None else f"the real network; delays assumed as in:  {words}"
 
 
 def _simulated(link: Link) -> str:
@@ -48,7 +48,7 @@ def receiver_words(rig: Rig) -> str:
     """Say how waves are played out, and what happens where none come."""
     link = link_of(rig)
     if coupling_part(rig).carries != "waves":
-        words = "the newest state of the other side counts"
+        words = "the newest state of the other side is used"
     elif link.play_out == "newest":
         words = "the newest packet is played out"
     elif link.depth_s == AUTO:

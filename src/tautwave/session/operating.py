@@ -26,7 +26,7 @@ from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.runtime.operate.trigger import TriggerLine
 
 OFTENER = 4
-"""Looks at the live sources where a policy leads, for one where people do."""
+"""Looks at the live sources where a policy drives, for one where people do."""
 
 
 def refuse_endless(rig: Rig, ways: Sequence[BusWay]) -> None:

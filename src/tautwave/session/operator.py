@@ -1,4 +1,4 @@
-"""`Session`: an operated rig run by a program, which engages and clutches it while it moves."""
+"""`Session`: an operated rig controlled by a program that engages and clutches it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ BEGIN_NS = 60_000_000_000
 class Session:
     """A rig with an `operate` block, run in a process of its own on the real clock.
 
-    This program may be as slow as it likes: the loop does not wait for it. Leaving the `with` block
+    The program may be arbitrarily slow: the loop does not wait for it. Leaving the `with` block
     stops the run and waits for its report.
 
     Parameters
@@ -100,15 +100,15 @@ class Session:
     # -- commands ---------------------------------------------------------------------------
 
     def engage(self) -> None:
-        """Align where needed, and engage once all axes stand."""
+        """Align if needed, and engage once all axes are at rest."""
         self._send("engage")
 
     def clutch(self) -> None:
-        """Let go: the master is free, the slave is held by damping."""
+        """Disengage: the master is free, the slave is held by damping."""
         self._send("clutch")
 
     def hold(self) -> None:
-        """Hold every axis by certified damping."""
+        """Hold every axis with certified damping."""
         self._send("hold")
 
     def rest(self) -> None:
@@ -120,23 +120,23 @@ class Session:
         self._send(f"scale {factor:g}")
 
     def lead(self, positions: Mapping[str, float]) -> None:
-        """Send an action to the hands that a policy leads: positions of master axes, by pair.
+        """Send an action to the hands driven by a policy: positions of master axes, by pair.
 
-        The reference `type: policy` of a rig's hand says how it is followed. When three frames in a
-        row have no action the rig holds, until it is engaged again.
+        The reference `type: policy` of a rig's hand defines how it is followed. After three
+        consecutive frames without an action the rig holds until it is engaged again.
 
         Raises
         ------
         ConfigError
-            A position is no finite number; nothing is sent then.
+            A position is not a finite number; nothing is sent then.
         RecordingError
             The run has ended.
         """
         wrong = [name for name, x in positions.items() if not math.isfinite(x)]
         if wrong:
             raise ConfigError(
-                f"{self.directory}: action {wrong[0]} is {positions[wrong[0]]}, no position; "
-                "nothing was sent, and without an action the rig holds after three frames"
+                f"{self.directory}: action {wrong[0]} is {positions[wrong[0]]}, not a position; "
+                "nothing was sent, and the rig holds after three frames without an action"
             )
         self._send("lead " + " ".join(f"{name}={x!r}" for name, x in positions.items()))
 
@@ -146,15 +146,17 @@ class Session:
         Raises
         ------
         ConfigError
-            Its name is not one word, or one that ends an episode.
+            Its name is not a single word, or is one that ends an episode.
         """
         if len(name.split()) != 1 or name.strip() in VERDICTS:
-            words = " nor ".join(VERDICTS)
-            raise ConfigError(f"episode {name[:40]!r}: give it a name of one word, neither {words}")
+            words = " and ".join(VERDICTS)
+            raise ConfigError(
+                f"episode {name[:40]!r}: its name must be a single word other than {words}"
+            )
         self._send(" ".join(("episode", name.strip(), *task.split())))
 
     def end_episode(self, success: bool | None = None) -> None:
-        """End the episode that runs."""
+        """End the current episode."""
         said = "" if success is None else " success" if success else " failed"
         self._send(f"episode{said}")
 
@@ -170,13 +172,13 @@ class Session:
         Parameters
         ----------
         whole : bool
-            The newest one in which every axis had a sample; in others the columns of an axis
-            without one keep what was before.
+            The newest one in which every axis had a sample; in others, the columns of an axis
+            without a sample keep their last values.
 
         Raises
         ------
         RecordingError
-            No such row has come yet.
+            There is no such row yet.
         """
         if self._tap is not None and self._live is not None:
             rows = self._tap.take()
@@ -185,13 +187,14 @@ class Session:
             self._whole = next((r for r in reversed(rows) if all(r[k] for k in valid)), self._whole)
             if found := self._whole if whole else self._newest:
                 return dict(zip(self._live.columns, found, strict=True))
-        raise RecordingError(f"{self.directory}: no row has come yet")
+        raise RecordingError(f"{self.directory}: no row yet")
 
     def age_s(self, row: Mapping[str, float]) -> float:
         """Return how long ago the slot of a row was [s], by the loop's clock.
 
-        Rows of a run that stands still get older; infinite once it has ended. With two sites a
-        machine whose pace follows the other's is off by the difference of the clocks.
+        The age of a stalled run's rows keeps increasing; it is infinite once the run has ended.
+        With two sites a machine whose pace follows the other's is off by the difference of the
+        clocks.
         """
         if self._tap is None:
             return math.inf

@@ -86,7 +86,9 @@ def _scene(rig: Rig) -> Iterator[PlanItem]:
         why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
         yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the axis")
     if keys.discretise == "with_device":
-        yield _item("discretised with the device", True, "other numbers, so that its modes hold")
+        yield _item(
+            "discretised with the device", True, "modified parameters that preserve its modes"
+        )
     yield _item("gravity", keys.gravity != 0.0, f"{keys.gravity:g} m/s^2", "0")
     yield from _around(keys, pruned.left_out)
 
@@ -178,7 +180,7 @@ def _axis(rig: Rig, name: str, axis: Axis) -> Iterator[PlanItem]:
 
 def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
     simulation = rig.simulation
-    yield _item("simulation", simulation is not None, "devices, hand and environment are models")
+    yield _item("simulation", simulation is not None, "devices, hand and environment are simulated")
     if simulation is None:
         return
     for name in rig.coupling.pairs or rig.master.axes:
@@ -189,7 +191,7 @@ def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
         environment = simulation.environment.get(name)
         kind = "free"
         if isinstance(environment, EnvironmentPart):
-            kind = f"part {environment.part}, moved in Python: simulate and sweep compile none"
+            kind = f"part {environment.part}, runs in Python: simulate and sweep do not compile it"
         elif environment is not None:
             kind = environment.type
         yield _item(f"environment of slave.{name}", kind != "free", kind, "free")
@@ -206,7 +208,7 @@ def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
     overruns = faults.overrun_probability
     why_not = NOT_IN_RIG
     if overruns > 0.0 and clock == "real":
-        why_not = "on the real clock only real overruns count"
+        why_not = "on the real clock only real overruns occur"
     yield _item(
         "seeded overruns",
         overruns > 0.0 and clock == "fake",

@@ -186,13 +186,13 @@ def _refuse_second(rig: Rig, server: Server, other: Server) -> None:
     attach = " use --attach, or" if other.kind == SIM and server.kind == RUN else ""
     for endpoint in set(server.endpoints) & set(other.endpoints):
         raise DriverError(
-            f"{rig.name}: {endpoint.partition('@')[0]} is served by {other.describe()} already;"
-            f"{attach} end that first"
+            f"{rig.name}: {endpoint.partition('@')[0]} is already served by "
+            f"{other.describe()};{attach} stop that first"
         )
     if server.kind == other.kind == SIM and server.rig == other.rig:
         raise DriverError(
-            f"{rig.name}: {other.describe()} serves its devices already; run with --attach, or "
-            f"stop that first"
+            f"{rig.name}: {other.describe()} already serves its devices; run with --attach, or "
+            "stop that first"
         )
 
 

@@ -97,7 +97,7 @@ def _complete(directory: Path) -> tuple[str, bool]:
     '' means that the report was written.
     """
     command = [sys.executable, "-m", "tautwave.report", str(directory)]
-    again = f"`tautwave report {directory}` writes it"
+    again = f"run `tautwave report {directory}` to write it"
     try:
         with interrupts() as heard, heard.raised():
             # A separate session: this process decides when to end the report, not the terminal.

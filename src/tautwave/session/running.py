@@ -333,7 +333,7 @@ def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, Any], in
         if result.interrupted:
             return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
         ended = getattr(assembly.control, "ended", "")
-        return {"kind": "finished", "sentence": ended or f"ran to its end, {seconds:g} s"}, 0
+        return {"kind": "finished", "sentence": ended or f"completed, {seconds:g} s"}, 0
     if isinstance(error, KeyboardInterrupt):
         return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
     if isinstance(error, TautwaveError):

@@ -210,10 +210,10 @@ def hold_fact(rig: Rig) -> str:
     delays = command_delays(rig)
     names = [name.partition(".")[2] for name in rig.axes]
     limit, claim = hold_limit(rig, names), hold_claim(rig, names, delays)
-    text = f"the run stops once holding its efforts has created {limit:.3g} J"
+    text = f"the run stops once the effort hold has created {limit:.3g} J"
     if math.isfinite(claim):
         return f"{text}; until it has, at most {claim:.3g} J at the effort and velocity limits"
-    return f"{text}; without velocity_limit, what a faster hand gets until then has no bound"
+    return f"{text}; without velocity_limit, the energy a faster hand gets until then is unbounded"
 
 
 def _remedy(rig: Rig, pace: ScenePace) -> str:

@@ -1,4 +1,4 @@
-"""A rig stepped by a program, which is the world of some of its axes: a simulator of its own."""
+"""A rig stepped by a program that simulates the devices of some axes itself."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tautwave.simulation.scene.live import KeptRows
 
 
 class Stepper:
-    """The control loop of a rig, one cycle a call; axes named `outside` are moved by the caller.
+    """The control loop of a rig, one cycle per call; axes named `outside` are moved by the caller.
 
-    Drives, encoders, delays and the controller are those of `tautwave run`: an axis outside has no
-    physics of its own, that is all. Use it in a `with` block: its end leaves every axis without
-    effort, and closes the buses.
+    Drives, encoders, delays and the controller are those of `tautwave run`: only the physics of an
+    outside axis is left to the caller. Use it in a `with` block, which on exit leaves every axis
+    without effort and closes the buses.
 
     Parameters
     ----------
@@ -29,8 +29,8 @@ class Stepper:
     outside : str or sequence of str
         Axes, such as `slave.lever`, or sides, `slave`; impedance axes on simulated buses.
     clock : str
-        `fake`: a call takes as long as it takes. `real`: it waits for the next period, with a real
-        master in somebody's hand, for instance.
+        `fake`: a call takes as long as it takes. `real`: it waits for the next period, for example
+        with a real master in a user's hand.
     duration_s : float, optional
         Length [s]; the rig's own if not given.
 
@@ -44,7 +44,7 @@ class Stepper:
     Raises
     ------
     ConfigError
-        The rig has no simulation, an axis cannot be outside, or clock or length are none.
+        The rig has no simulation, an axis cannot be outside, or clock or length are invalid.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class Stepper:
     ) -> None:
         if rig.simulation is None:
             raise ConfigError(
-                f"{rig.name}: a rig that is stepped needs a simulation block, which may be empty"
+                f"{rig.name}: a stepped rig needs a simulation block, which may be empty"
             )
         built = build_rig(rig, clock=clock, duration_s=duration_s)
         self.period_s = rig.period_s
@@ -90,7 +90,7 @@ class Stepper:
 
     @property
     def running(self) -> bool:
-        """Whether there is a cycle to come."""
+        """Whether there are cycles left."""
         return self._result is None and not self._closed
 
     def step(
@@ -106,8 +106,8 @@ class Stepper:
             Where each axis outside is now [rad or m]. Its encoder sees it with its quantum and
             noise.
         velocities : mapping, optional
-            How fast it moves [rad/s or m/s]: recorded as its truth, and seen by nobody. Arrays of
-            one element, as MuJoCo gives of a joint, are numbers, too.
+            How fast it moves [rad/s or m/s]: recorded as its truth, and not used otherwise.
+            One-element arrays, as MuJoCo returns for a joint, are accepted too.
 
         Returns
         -------
@@ -118,13 +118,13 @@ class Stepper:
         Raises
         ------
         ConfigError
-            A position is missing or no finite number, a name is no axis outside, or the run has
-            ended before.
+            A position is missing or not a finite number, a name is not an outside axis, or the run
+            has already ended.
         TautwaveError
-            What ended the run early, such as a limit.
+            The cause of an early end, such as a limit.
         """
         if self._result is not None or self._closed:
-            raise ConfigError("the run has ended; make another Stepper")
+            raise ConfigError("the run has ended; create a new Stepper")
         places = self._numbers(positions, "rad or m")
         rates = {} if velocities is None else self._numbers(velocities, "rad/s or m/s")
         for name, world in self._worlds.items():
@@ -148,7 +148,9 @@ class Stepper:
         found = {}
         for name, value in given.items():
             if name not in self._worlds:
-                raise ConfigError(f"step: {name} is not outside; axes: {', '.join(self.outside)}")
+                raise ConfigError(
+                    f"step: {name} is not an outside axis; axes: {', '.join(self.outside)}"
+                )
             try:
                 number = float(np.asarray(value, dtype=np.float64).item())
             except (TypeError, ValueError):
@@ -187,8 +189,8 @@ def _given(name: str, axis: Any) -> Any:
     world = axis.give_over()
     if world is None:
         raise ConfigError(
-            f"outside: {name} is a joint of a simulated arm, whose joints move together; leave out "
-            f"the arm in simulation.{name.partition('.')[0]}"
+            f"outside: {name} is a joint of a simulated arm, whose joints move together; remove "
+            f"the arm from simulation.{name.partition('.')[0]}"
         )
     return world
 
@@ -214,7 +216,7 @@ def _chosen(rig: Rig, outside: Sequence[str], simulated: Sequence[str]) -> tuple
                 "cycles; an axis outside is served every cycle (divisor: 1)"
             )
         if name not in simulated:
-            raise ConfigError(f"outside: the bus of {name} is not simulated here, but real")
+            raise ConfigError(f"outside: the bus of {name} is real, not simulated here")
     if not chosen:
         raise ConfigError("outside: name at least one axis")
     return tuple(chosen)

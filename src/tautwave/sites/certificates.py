@@ -65,7 +65,7 @@ def make_authority(directory: Path, sites: Sequence[str], days: int = DAYS) -> l
     for site in sites:
         if not NAME.fullmatch(site) or site == AUTHORITY:
             raise ConfigError(
-                f"{site!r} is not a name for a site: lower-case letters, digits and hyphens, "
+                f"{site!r} is not a valid site name: use lower-case letters, digits and hyphens, "
                 f"not {AUTHORITY!r}"
             )
     if len(set(sites)) < 2 or len(set(sites)) < len(sites):

@@ -72,8 +72,8 @@ def _context(protocol: int, files: Identity) -> ssl.SSLContext:
         context.load_verify_locations(files.authority)
     except (ssl.SSLError, OSError) as err:
         raise LinkError(
-            f"{files.certificate}, {files.key} and {files.authority} do not go together ({err}); "
-            "make them anew with: tautwave keys init DIR"
+            f"{files.certificate}, {files.key} and {files.authority} do not match ({err}); create "
+            "new ones with: tautwave keys init DIR"
         ) from err
     context.verify_mode = ssl.CERT_REQUIRED
     return context
@@ -162,9 +162,9 @@ class Channel:
         try:
             message = parse_json(line.decode(), finite=True)
         except ValueError as err:
-            raise _Broken("sent something that is not a message") from err
+            raise _Broken("sent an invalid message") from err
         if not isinstance(message, dict):
-            raise _Broken("sent something that is not a message")
+            raise _Broken("sent an invalid message")
         return message
 
     def refuse(self, why: str, *, for_now: bool = False) -> None:
@@ -229,8 +229,8 @@ def accept(
     names = [value for kind, value in _names(secured) if kind == "DNS"]
     if names != [peer]:
         found = ", ".join(names) or "nobody"
-        channel.refuse(f"your certificate is that of {found}, and {peer} is expected here")
-        raise LinkError(f"{where}: its certificate is that of {found}, not of {peer}")
+        channel.refuse(f"your certificate belongs to {found}, but {peer} is expected here")
+        raise LinkError(f"{where}: its certificate belongs to {found}, not to {peer}")
     hello = _answer(channel, where)
     _compare(channel, where, hello, shared)
     why = busy()
@@ -286,7 +286,7 @@ def dial(
     session = _bytes(answer, "session", SESSION_BYTES)
     secret = _bytes(answer, "secret", SECRET_BYTES)
     if session is None or secret is None:
-        channel.refuse("your session has no id or secret")
+        channel.refuse("your session lacks an id or secret")
         raise LinkError(f"{where}: sent no session")
     return channel, Session(session, secret, peer, _table(answer, "facts"))
 
@@ -348,8 +348,8 @@ def _is_refusal(err: BaseException | None) -> bool:
 ALERTS = {
     "UNKNOWN_CA": "it does not trust the authority of our certificate; both need the same "
     "authority.pem",
-    "CERTIFICATE_EXPIRED": "it says that our certificate has expired; make new keys",
-    "CERTIFICATE_REQUIRED": "it requires a certificate and got none",
+    "CERTIFICATE_EXPIRED": "it reports that our certificate has expired; create new keys",
+    "CERTIFICATE_REQUIRED": "it requires a certificate and received none",
     "BAD_CERTIFICATE": "it refused our certificate: another name than it expects",
     "PEER_DID_NOT_RETURN_A_CERTIFICATE": "it has no certificate",
     "WRONG_VERSION_NUMBER": "it does not speak TLS",
@@ -368,10 +368,10 @@ def _why(err: OSError) -> str:
     """Return what a failed connection means, with the remedy where there is one."""
     if isinstance(err, ssl.SSLCertVerificationError):
         if "expired" in err.verify_message:
-            return "its certificate has expired; make new keys"
+            return "its certificate has expired; create new keys"
         if err.verify_code == HOSTNAME_MISMATCH:
-            return "its certificate is that of another site"
-        return f"its certificate is not of our authority ({err.verify_message})"
+            return "its certificate belongs to another site"
+        return f"its certificate was not issued by our authority ({err.verify_message})"
     if isinstance(err, ssl.SSLError):
         word = err.reason or str(err)
         for key, sentence in ALERTS.items():
@@ -379,9 +379,9 @@ def _why(err: OSError) -> str:
                 return sentence
         return f"TLS failed ({word})"
     if isinstance(err, ConnectionRefusedError):
-        return "nothing listens there; start the other site first, and look at address and port"
+        return "connection refused; start the other site first, and check address and port"
     if isinstance(err, socket.gaierror):
-        return "no machine of that name is known; look at the address"
+        return "unknown host name; check the address"
     if isinstance(err, TimeoutError):
-        return f"no answer within {PATIENCE_S:g} s; look at address, port and firewall"
+        return f"no response within {PATIENCE_S:g} s; check address, port and firewall"
     return f"connection lost ({err.strerror or err})"

@@ -97,7 +97,7 @@ class Desk:
                 beat = now + BEAT_S
                 self._say({"beat": True})
             if self._channel is not None and now - self._heard > GONE_S:
-                self._drop(f"{self._order.peer} was not heard for {GONE_S:g} s")
+                self._drop(f"{self._order.peer} was silent for {GONE_S:g} s")
             waiting: list[Any] = [self._local, self._woken]
             waiting += [listener] if listener else []
             waiting += [self._channel] if self._channel is not None else []
@@ -176,7 +176,7 @@ class Desk:
                     self._tell("refused" if final else "note", str(found))
                 continue
             if self._channel is not None:
-                self._drop(f"{self._order.peer} joined anew")
+                self._drop(f"{self._order.peer} rejoined")
             self._channel, session = found
             self._session = session.id.hex()
             self._heard = time.monotonic()
@@ -215,7 +215,7 @@ class Desk:
     def _tell(self, kind: str, what: Any) -> None:
         message = json.dumps({kind: what}).encode()
         if len(message) > MOST_BYTES:  # of which the loop would get a part
-            note = f"{self._order.peer} sent more than a message holds"
+            note = f"{self._order.peer} sent an oversized message"
             message = json.dumps({"note": note}).encode()
         with suppress(OSError):
             self._local.send(message)

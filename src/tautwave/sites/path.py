@@ -96,7 +96,7 @@ def _serve(
 
 
 def run_test(address: str, directory: Path, site: str, peer: str, asked: Asked) -> Found:
-    """Test the path to a site that serves.
+    """Test the path to a site that is serving.
 
     Raises
     ------

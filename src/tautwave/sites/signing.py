@@ -36,7 +36,7 @@ def sign(directory: Path, site: str, data: bytes) -> Signature:
     except (OSError, ValueError, TypeError) as err:
         raise ConfigError(f"{files.key}: cannot be read as a key ({err})") from err
     if not isinstance(key, Ed25519PrivateKey):
-        raise ConfigError(f"{files.key}: is no Ed25519 key; make one with tautwave keys init")
+        raise ConfigError(f"{files.key}: is not an Ed25519 key; create one with tautwave keys init")
     return Signature(key.sign(data), certificate)
 
 
@@ -57,18 +57,18 @@ def signer_of(found: Signature, data: bytes, signed: datetime.datetime, director
     try:
         authority = x509.load_pem_x509_certificate(path.read_bytes())
     except (OSError, ValueError) as err:
-        raise ConfigError(f"{path}: is no certificate of an authority ({err})") from err
+        raise ConfigError(f"{path}: is not an authority's certificate ({err})") from err
     try:
         certificate = x509.load_pem_x509_certificate(found.certificate)
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature) as err:
-        raise ConfigError(f"the signer's certificate is not one of {path}") from err
+        raise ConfigError(f"the signer's certificate was not issued by {path}") from err
     key = certificate.public_key()
     try:
         assert isinstance(key, Ed25519PublicKey)
         key.verify(found.signature, data)
     except (AssertionError, InvalidSignature) as err:
-        raise ConfigError("the signature is not that of its certificate's key") from err
+        raise ConfigError("the signature does not match the certificate's key") from err
     if not certificate.not_valid_before_utc <= signed <= certificate.not_valid_after_utc:
         raise ConfigError(f"signed on {signed:%Y-%m-%d}, when its certificate was not valid")
     (name,) = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)

@@ -87,7 +87,7 @@ def read_address(scheduler: str) -> str:
         try:
             found = parse_json(read_guarded(Path(scheduler), "scheduler file", LARGEST))
         except ValueError as err:
-            raise ConfigError(f"{scheduler}: no scheduler file of Dask: {err}") from err
+            raise ConfigError(f"{scheduler}: not a Dask scheduler file: {err}") from err
         address = found.get("address") if isinstance(found, dict) else None
     if not isinstance(address, str) or not _ADDRESS.fullmatch(address):
         raise ConfigError(
@@ -207,8 +207,8 @@ class Cluster:
             if client.status != "running" or isinstance(err, OSError):
                 raise self._lost() from err
             raise LinkError(
-                f"a worker of {self._name} failed at its part: {type(err).__name__}: {err}; "
-                "rows so far are kept, and the same command resumes"
+                f"a worker of {self._name} failed: {type(err).__name__}: {err}; rows so far are "
+                "kept, and the same command resumes"
             ) from err
         finally:
             for future in waiting:
@@ -255,8 +255,8 @@ def work(token: str, content: bytes, wanted: About, piece: Piece) -> Any:
         for name, this, that in zip(About._fields, found, wanted, strict=True):
             if this != that:
                 cause = {
-                    "rounding": "its processor or mathematics library rounds otherwise, so rows "
-                    "would depend on where they are made; use machines of one type",
+                    "rounding": "its processor or math library rounds differently, so rows would "
+                    "depend on the machine; use machines of the same type",
                 }.get(name, f"it has {name} {this}, this machine {that}; install the same on both")
                 raise ConfigError(f"worker {_address()}: {cause}")
         _here.worker, _here.token = pickle.loads(content)(), token

@@ -83,9 +83,7 @@ class Figure(Block):
         description="From top to bottom."
     )
     notes: tuple[str, ...] = Field(default=(), description="Lines of text below: assumptions.")
-    across: str | None = Field(
-        default=None, description="Key each of whose values gets a column of panels."
-    )
+    across: str | None = Field(default=None, description="Key with one column of panels per value.")
     labels: tuple[str, ...] = Field(
         default=(), description="Headings of those columns; default: the values."
     )
@@ -114,7 +112,7 @@ class Case(Varied):
 
     label: str | None = Field(default=None, description="Label; default: its name.")
     beside: Name | None = Field(
-        default=None, description="Case whose colour it has; its own line is dashed."
+        default=None, description="Case whose colour it shares; its own line is dashed."
     )
 
 

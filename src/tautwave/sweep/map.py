@@ -184,7 +184,7 @@ def _check_quantised(document: Document, name: str, plane: Plane, start: Column)
     if start.wall.damping != 0.0:
         document.report(place, f"over {plane.x} the wall is a spring: set wall_damping: 0 here")
     if start.wall.delay != 0.0:
-        document.report(place, f"over {plane.x} the wall is prompt: set delay_periods: 0 here")
+        document.report(place, f"over {plane.x} the wall is undelayed: set delay_periods: 0 here")
     if plane.x == "coulomb" and start.quantum == 0.0:
         document.report(place, "over coulomb the axis needs an encoder_quantum")
 

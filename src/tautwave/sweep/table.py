@@ -124,7 +124,8 @@ class SweepTable:
     def _check_header(self, line: bytes) -> None:
         if line.decode("utf-8", "replace").rstrip("\n").split(",") != self._header:
             raise RecordingError(
-                f"{self.path}: has other columns than this sweep; give a new --out, or remove it "
+                f"{self.path}: has different columns from this sweep; give "
+                "a new --out, or remove it "
                 "first"
             )
 

@@ -106,7 +106,7 @@ class CouplingContract:
 
     @pytest.mark.parametrize("samples", [0, 7])
     def test_its_books_close(self, bench: CouplingBench, samples: int) -> None:
-        """What the devices gave is what the elements hold and lost, each by itself and together."""
+        """Energy supplied equals energy stored and dissipated, per element and in total."""
         driven = drive(controller(bench.plugin, bench.block(), samples), at_random())
         flow = sum(driven.column(f"{side}.wrist.gross_flow")[-1] for side in SIDES)
         given = sum(driven.column(f"{side}.wrist.port_energy")[-1] for side in SIDES)
@@ -119,7 +119,7 @@ class CouplingContract:
         assert given == pytest.approx(taken, abs=1e-9 * flow)
 
     def test_it_gives_no_energy(self, bench: CouplingBench) -> None:
-        """Moved slowly there and back, without a delay, it gives back no more than it was given."""
+        """Moved slowly there and back without delay, it returns no more energy than it received."""
         driven = drive(controller(bench.plugin, bench.block()), there_and_back())
         flow = (
             driven.column("master.wrist.gross_flow")[-1]
@@ -127,7 +127,7 @@ class CouplingContract:
         )
         sides = [driven.column(f"{side}.wrist.port_energy") for side in SIDES]
         least = min(map(sum, zip(*sides, strict=True)))
-        assert least >= -0.02 * flow, f"it gave {-least:.3g} J of {flow:.3g} J to and fro"
+        assert least >= -0.02 * flow, f"it generated {-least:.3g} J of {flow:.3g} J exchanged"
 
     def test_a_cycle_allocates_nothing_but_numbers(self, bench: CouplingBench) -> None:
         # The least of three: a thread of the test runner may allocate meanwhile.
@@ -139,7 +139,7 @@ class CouplingContract:
             for cycles in (200, 2000)
         )
         assert few < 4000, f"{few} bytes in a cycle"
-        assert many < few + 2000, f"{many - few} bytes stay after 900 cycles"
+        assert many < few + 2000, f"{many - few} bytes leaked after 900 cycles"
 
     def test_no_run_remembers_another(self, bench: CouplingBench) -> None:
         first = drive(controller(bench.plugin, bench.block(), 3), at_random(cycles=300))

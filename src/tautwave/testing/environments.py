@@ -102,7 +102,9 @@ class EnvironmentContract:
             for share in (1.0, 0.1, 1e-3):
                 for v in (share * bench.speed, -share * bench.speed):
                     added = part.force(part.params, x, v) - still
-                    assert added * v <= 1e-12 * math.fabs(still * v), f"it gives energy at {x}, {v}"
+                    assert added * v <= 1e-12 * math.fabs(still * v), (
+                        f"it generates energy at {x}, {v}"
+                    )
 
     @pytest.mark.parametrize("share", [0.0, 1.0, -1.0])
     def test_jumps_are_declared_as_kinks(self, bench: EnvironmentBench, share: float) -> None:
@@ -166,7 +168,7 @@ class EnvironmentContract:
             finally:
                 tracemalloc.stop()
             assert peak - before < ALLOCATED, f"{peak - before} bytes in a call"
-            assert kept - before < ALLOCATED, f"{kept - before} bytes stay after 50 calls"
+            assert kept - before < ALLOCATED, f"{kept - before} bytes leaked after 50 calls"
 
     def test_compiled_it_is_the_same_to_the_bit(self, bench: EnvironmentBench) -> None:
         numba: Any = pytest.importorskip("numba")

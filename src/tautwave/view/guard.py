@@ -91,14 +91,14 @@ def open_door(address: str, port: int, certificate: Path | None, key: Path | Non
     local = given.is_loopback
     if given.is_unspecified:  # what requests name as their host could be anything
         raise ConfigError(
-            f"--address {address}: name the one address that viewers open, such as 192.0.2.7"
+            f"--address {address}: give the one address that viewers open, such as 192.0.2.7"
         )
     if (certificate is None) != (key is None):
         raise ConfigError("--tls-cert and --tls-key belong together")
     if certificate is None and not local:
         raise ConfigError(
-            f"--address {address}: others reach it, so it needs --tls-cert and --tls-key; without "
-            "them the page stays on 127.0.0.1"
+            f"--address {address}: reachable from other machines, so it needs --tls-cert and "
+            "--tls-key; without them use 127.0.0.1"
         )
     return Door(address, port, _tls(certificate, key), secrets.token_urlsafe(24))
 
@@ -111,7 +111,7 @@ def _tls(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None:
     try:
         context.load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError) as error:
-        raise ConfigError(f"{certificate}, {key}: no TLS with these ({error})") from error
+        raise ConfigError(f"{certificate}, {key}: unusable for TLS ({error})") from error
     return context
 
 
@@ -144,5 +144,5 @@ def refused(
         # Programs have no origin; they have to bring the token.
         return "" if not origins or origins[0] in {*allowed, *others} else "foreign origin"
     if path == PAGE_SOCKET and not origins:
-        return "a socket needs an origin"
+        return "a web socket request needs an Origin header"
     return "" if not origins or origins[0] in allowed else "foreign origin"

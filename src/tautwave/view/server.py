@@ -273,7 +273,9 @@ class Server:
         return text
 
 
-NEEDS_TOKEN = "only looking and stop without the token: open the address that `view` printed"
+NEEDS_TOKEN = (
+    "without the token only viewing and stop are allowed: open the address that `view` printed"
+)
 
 
 def _response(status: HTTPStatus, page: Page) -> Response:

@@ -53,13 +53,13 @@ def asked_of(run: Watched, row: Sequence[float], values: Mapping[str, Any]) -> A
     """
     facts = run.facts.get("tuning")
     if facts is None:
-        raise ConfigError("this run allows no tuning; start it with --allow-tuning")
+        raise ConfigError("this run does not allow tuning; start it with --allow-tuning")
     knobs = {knob["path"]: knob for knob in facts["knobs"]}
     fixed = {one["path"]: one["when"] for one in facts["fixed"]}
     for path, value in values.items():
         name = str(path)[:100]
         if path in fixed:
-            raise ConfigError(f"{name}: only {fixed[path]}; give it to the next one with --set")
+            raise ConfigError(f"{name}: only {fixed[path]}; set it for the next run with --set")
         if path not in knobs:
             raise ConfigError(f"{name}: is never tuned")
         low, high, unit = (knobs[path][key] for key in ("low", "high", "unit"))
@@ -98,7 +98,7 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
             raise error
         for error in filter(None, found[there:]):
             raise NotCertifiedError(
-                f"certified there, but not on the way: lower first, then raise. {error}"
+                f"certified there, but not in between: first lower, then raise. {error}"
             ) from error
     leave(facts["desk"], [asked.wanted[knob["path"]] for knob in facts["knobs"]])
     return ", ".join(f"{path} {asked.wanted[path]:g}" for path in changed) or "nothing changes"
@@ -156,5 +156,5 @@ def _keep_claims(rig: Rig, changed: Rig) -> None:
             if claim > before[side] * ROUNDING:
                 raise NotCertifiedError(
                     f"{side}.{name}: its port would claim {claim:.4g} J, more than the "
-                    f"{before[side]:.4g} J that were fixed before the run"
+                    f"{before[side]:.4g} J stated before the run"
                 )

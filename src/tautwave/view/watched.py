@@ -30,11 +30,11 @@ def read_live(directory: Path) -> Live:
         fields = parse_json(path.read_text(encoding="utf-8"))
         return Live(**{name: fields[name] for name in Live._fields})
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise RecordingError(f"{directory}: no run is going on here") from error
+        raise RecordingError(f"{directory}: no run in progress here") from error
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path}: is not what a run leaves here, or was damaged") from error
+        raise RecordingError(f"{path}: was not written by a run, or is damaged") from error
 
 
 class Watched:
@@ -91,7 +91,8 @@ class Watched:
             self._interrupt()
         else:
             raise RecordingError(
-                "this rig takes no commands but stop: it has no `operate` block, or a fake clock"
+                "this rig accepts no commands except stop: it has no `operate` "
+                "block, or uses the fake clock"
             )
 
     def _interrupt(self) -> None:
@@ -105,7 +106,9 @@ class Watched:
                 os.kill(run, signal.SIGINT)
             self._stopped = True
         except (OSError, ValueError, IndexError) as error:
-            raise RecordingError(f"the run has ended, or is not yours ({error})") from error
+            raise RecordingError(
+                f"the run has ended or belongs to another user ({error})"
+            ) from error
 
 
 def begun(directory: Path, clock: MonotonicClock, patience_s: float) -> Watched:

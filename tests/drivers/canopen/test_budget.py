@@ -111,7 +111,7 @@ def test_the_arithmetic_is_shown_and_adds_up() -> None:
 def test_a_rate_that_60c2h_cannot_hold_is_reported_before_a_drive_refuses_it() -> None:
     options, bus = bench(2, "impedance", "full")
     reported = budget(options, bus._replace(rate_hz=1800.0)).arithmetic
-    assert "cannot hold 555.556 us" in reported
+    assert "cannot represent 555.556 us" in reported
     assert "60C2h" not in budget(options, bus._replace(rate_hz=800.0)).arithmetic
 
 

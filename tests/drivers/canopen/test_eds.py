@@ -34,10 +34,10 @@ def test_a_file_of_a_windows_editor_is_read(tmp_path: Path) -> None:
     ("content", "said"),
     [
         (b"x" * (LARGEST_EDS + 1), "a.eds: larger than 4096 KiB, so not an EDS or DCF file"),
-        (b"\x7fELF\0\0\xff", "a.eds:1: no text (character U+0000), so not an EDS or DCF file"),
+        (b"\x7fELF\0\0\xff", "a.eds:1: not text (character U+0000), so not an EDS or DCF file"),
         (b"name: bench\n", "a.eds: not an EDS or DCF file (MissingSectionHeader"),
         (b"[DeviceInfo]\n[6040]\nParameterName=a\n", "a.eds: not an EDS or DCF file (NoOption"),
-        (b"[DeviceInfo]\n[x]\n", "a.eds: names no object; take the one that"),
+        (b"[DeviceInfo]\n[x]\n", "a.eds: defines no objects; use the one supplied"),
         (b"[6040]\nObjectType=7\nObjectType=7\n", "a.eds: not an EDS or DCF file (Duplicate"),
         (
             b"[1003]\nParameterName=a\nObjectType=8\nCompactSubObj=9\nDataType=7\nAccessType=ro\n"

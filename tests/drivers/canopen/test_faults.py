@@ -176,7 +176,7 @@ def test_the_sync_of_another_master_is_reported_and_stops_nothing() -> None:
         reported += rig.run(1, TORQUE)[1]
     texts = [fault.text for fault in reported]
     assert len(texts) == 2  # at the first one, and at the tenth
-    assert all("another master sends SYNC" in text for text in texts)
+    assert all("another master is sending SYNC" in text for text in texts)
     assert not any(fault.fatal for fault in reported)
     rig.driver.close()
 
@@ -227,7 +227,7 @@ def test_a_drive_not_confirmed_off_keeps_its_watchdog() -> None:
     rig.run(CYCLES, TORQUE)
     at = len(rig.sent)
     rig.driver.close()
-    assert "master.a2 (node 2) keeps its watchdogs armed" in " ".join(rig.driver.notes)
+    assert "master.a2 (node 2) still has its watchdogs armed" in " ".join(rig.driver.notes)
     reported = [data for _, can_id, data in rig.sent[at:] if can_id == 0]
     assert reported == [bytes((0x80, 1))]  # node 2 is not taken to where it may watch nobody
     rig.world.advance(rig.clock.now_ns() + 200_000_000)

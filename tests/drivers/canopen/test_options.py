@@ -28,7 +28,7 @@ CONFIG = Path(__file__).parents[3] / "configs" / "bench-canopen-virtual.yaml"
     [
         (block(node(1), node(1)), {}, "node 1 is listed twice"),
         (block(node(7)), {"device_id": 3}, "has id 3, but options.nodes lists only 7"),
-        (block(node(127)), {}, "has the id of this master"),
+        (block(node(127)), {}, "has the same id as this master"),
         (block(node(1)), {"kind": "linear"}, "is linear, but node 1 has no feed"),
         (block(node(1, feed=0.01)), {}, "is rotary, but node 1 has a feed"),
         (block(node(1), bitrate=123_456), {}, "bitrate 123456 is not one of CANopen's"),

@@ -153,7 +153,7 @@ def test_segments_without_end_do_not_hold_it() -> None:
     port = Endless()
     (row,) = look(port, FakeClock(), OPTIONS)
     assert (row["node"], row["device"]) == (5, None)
-    assert row["errors"] == "answers 1008:00 device name without end"
+    assert row["errors"] == "response to 1008:00 device name never ends"
     assert 0 < port.segments < 200
 
 

@@ -39,14 +39,23 @@ IDENTITY = {"vendor": 0xFB, "product": 0x10}
         (
             {"identity": 0x99},
             {"identity": IDENTITY},
-            "is another device: 1018:02 product code is 0x99, but the rig says 0x10",
+            "is a different device: 1018:02 product code is 0x99, but the rig expects 0x10",
         ),
-        ({"lacks_modes": [10]}, {}, "has no CST cyclic synchronous torque, which an impedance"),
-        ({"lacks_modes": [6]}, {"homing": {"method": 35}}, "has no HM homing, which homing needs"),
+        (
+            {"lacks_modes": [10]},
+            {},
+            "does not support CST cyclic synchronous torque, which an impedance",
+        ),
+        (
+            {"lacks_modes": [6]},
+            {"homing": {"method": 35}},
+            "does not support HM homing, which homing needs",
+        ),
         (
             {"heartbeat_consumer": False, "rpdo_timer": "no_subindex"},
             {},
-            "would keep following its last command if this program falls silent: .* has no 1016:01 "
+            "would keep following its last command if this program stops "
+            "sending: .* has no 1016:01 "
             r"consumer heartbeat \(0x06020000: object does not exist\); .* has no 1400:05 deadline "
             r"timer \(0x06090011: sub-index does not exist\); use a drive",
         ),
@@ -90,10 +99,14 @@ def test_an_unwatched_drive_is_allowed_and_loud() -> None:
 @pytest.mark.parametrize(
     ("first", "objects", "words"),
     [
-        ({}, {(0x6076, 0): 700}, "rated torque 6076:00 is 700 .*the rig says 0.5 N m"),
-        ({}, {(0x608F, 1): 1024}, "608F says 1024 increments in 1 motor turns, but the rig 4096"),
-        ({}, {(0x6091, 1): 7}, r"gear 6091 \(7/1\) and feed 6092 \(4096/1\) make 585.143 position"),
-        ({}, {(0x6092, 1): 36000}, "36000 position units per motor turn, but the rig has 4096"),
+        ({}, {(0x6076, 0): 700}, "rated torque 6076:00 is 700 .*the rig states 0.5 N m"),
+        (
+            {},
+            {(0x608F, 1): 1024},
+            "608F says 1024 increments in 1 motor turns, but the rig states 4096",
+        ),
+        ({}, {(0x6091, 1): 7}, r"gear 6091 \(7/1\) and feed 6092 \(4096/1\) give 585.143 position"),
+        ({}, {(0x6092, 1): 36000}, "36000 position units per motor turn, but the rig states 4096"),
         ({}, {(0x6072, 0): 500}, "6072:00 max torque 500 per mille is 0.25, below .*effort_limit"),
     ],
 )
@@ -138,7 +151,7 @@ def test_1006_follows_the_period_of_the_rig_only_where_it_is_in_use() -> None:
 
 def test_a_period_that_60c2_cannot_hold_is_refused() -> None:
     rig = make(block(node(1)), ("impedance",), rate_hz=1024.0)
-    assert "cannot be written as 60C2h" in refused(rig)
+    assert "cannot be represented in 60C2h" in refused(rig)
     lacking = block(node(1), simulator={"nodes": {1: {"interpolation_period": False}}})
     rig = make(lacking, ("impedance",), rate_hz=600.0)
     rig.driver.open()
@@ -268,7 +281,7 @@ RPM, TENTH_RPM, INCREMENTS = 0x00B44700, 0xFFB44700, 0x00B50300
         (RPM, 50.0, 50 * 4096 / 60, ""),  # of the gear's output
         (TENTH_RPM, 1.0, 4096 / 600, ""),
         (INCREMENTS, 1.0, 7.0, ""),  # 60A9h does not say how many
-        (RPM, 1.0, 1.0, "which is 68.2667 counts/s, but the rig says velocity_factor 1;"),
+        (RPM, 1.0, 1.0, "which is 68.2667 counts/s, but the rig states velocity_factor 1;"),
         (RPM, 50.0, 1.0, "which is 68.2667 or 3413.33 counts/s"),
     ],
 )

@@ -106,7 +106,10 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("family: " + "[" * 50_000, "mine.yaml:1:33: nested deeper than 24 levels"),
         ("family: " + "{a: " * 50_000, "mine.yaml:1:105: nested deeper than 24 levels"),
         (GENERIC + "#" * 300_000, "mine.yaml: larger than 256 KiB, so not a profile"),
-        ("- 3", "mine.yaml:1: a profile is a mapping such as 'name: bench', this is a list"),
+        (
+            "- 3",
+            "mine.yaml:1: a profile must be a mapping such as 'name: bench', but this is a list",
+        ),
         ("", "mine.yaml: the file is empty"),
     ],
     ids=["aliases", "lists", "mappings", "large", "list", "empty"],

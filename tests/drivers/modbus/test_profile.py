@@ -108,7 +108,7 @@ def test_commands_that_would_wear_an_eeprom_are_refused() -> None:
 def test_text_that_is_not_yaml_and_files_that_are_not_there() -> None:
     with pytest.raises(ConfigError, match=r"mine.yaml:1:5: YAML syntax: "):
         parse_profile("a: [", "mine.yaml")
-    with pytest.raises(ConfigError, match=r"mine.yaml:1: a profile is a mapping .* a number"):
+    with pytest.raises(ConfigError, match=r"mine.yaml:1: a profile must be a mapping .* a number"):
         parse_profile("7", "mine.yaml")
     with pytest.raises(ConfigError, match=r"no profile 'dsyrs'; use one of generic, dsy-rs"):
         load_profile("dsyrs")

@@ -22,11 +22,16 @@ def sensor(**keys: Any) -> SensorRegister:
 @pytest.mark.parametrize(
     ("axis", "keys", "torque", "message"),
     [
-        ({"effort_sensor": True}, None, False, "unit 7 does not say where"),
-        ({}, {}, False, "unit 7 reads an effort_sensor, but the axis states none"),
+        ({"effort_sensor": True}, None, False, "unit 7 does not define it"),
+        ({}, {}, False, "unit 7 reads an effort_sensor, but the axis has none"),
         ({"effort_sensor": True}, {"register": "none"}, False, "has no register 'none'"),
-        ({"effort_sensor": True}, {"effort": 0.0}, False, "of one count is not 0"),
-        ({"causality": "admittance"}, None, True, "it takes velocity and reports its torque"),
+        ({"effort_sensor": True}, {"effort": 0.0}, False, r"\(per count\) must not be 0"),
+        (
+            {"causality": "admittance"},
+            None,
+            True,
+            "it is velocity-controlled and already reports its torque",
+        ),
     ],
 )
 def test_what_does_not_agree_is_refused(

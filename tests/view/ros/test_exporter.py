@@ -129,7 +129,7 @@ def test_a_repeated_bool_reaches_the_run(tmp_path: Path, node: Node) -> None:
 def test_commands_need_a_rig_that_takes_them(tmp_path: Path, node: Node) -> None:
     run = Run(tmp_path, columns=COLUMNS, mailbox=None)
     watched = Watched.of_run(tmp_path)
-    with pytest.raises(ConfigError, match="--allow-commands: this run takes no commands"):
+    with pytest.raises(ConfigError, match="--allow-commands: this run accepts no commands"):
         Exporter(watched, load_rig(BENCH), node, 100.0, allow_commands=True)
     run.close()
 
@@ -143,7 +143,7 @@ def test_the_loopback_interface_unless_another_is_named() -> None:
             configuration(*wrong)
     check_namespace("/")
     check_namespace("/lab/left_2")
-    with pytest.raises(ConfigError, match="--namespace: names after slashes"):
+    with pytest.raises(ConfigError, match="--namespace: must be names preceded by slashes"):
         check_namespace("left")
 
 
@@ -155,7 +155,7 @@ def test_what_is_faster_is_in_the_recording() -> None:
 
 def test_the_command_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = tautwave("ros", tmp_path, cwd=tmp_path)
-    assert (found.exit_code, found.stderr) == (2, f"{tmp_path}: no run is going on here\n")
+    assert (found.exit_code, found.stderr) == (2, f"{tmp_path}: no run in progress here\n")
     monkeypatch.setattr(cli, "find_spec", lambda name: None)
     found = tautwave("ros", tmp_path, cwd=tmp_path)
     assert found.exit_code == 2

@@ -151,7 +151,7 @@ def error_text(can_id: int, data: bytes) -> tuple[str, bool]:
     """Return an error frame as text, and whether the bus is lost."""
     if can_id & _BUS_OFF:
         return (
-            "bus-off: the controller has left the bus after too many errors; look at wiring, "
+            "bus-off: the controller has left the bus after too many errors; check wiring, "
             "termination and bit rate, then restart the interface (ip link set ... restart-ms)",
             True,
         )
@@ -160,7 +160,7 @@ def error_text(can_id: int, data: bytes) -> tuple[str, bool]:
         status = data[1] if len(data) > 1 else 0
         words += [text for bit, text in _CONTROLLER if status & bit]
         if status & _PASSIVE:
-            words.append("look at wiring and termination before it goes bus-off")
+            words.append("check wiring and termination before it goes bus-off")
     if can_id & _RESTARTED:
         words.append("controller restarted")
     return "; ".join(words) or f"error frame 0x{can_id & _ERROR_MASK:08X}", False

@@ -203,7 +203,7 @@ def read_dictionary(eds: str, node_id: int) -> canopen.ObjectDictionary:
             "from the drive's vendor"
         ) from err
     if not len(dictionary):
-        raise ConfigError(f"{eds}: names no object; take the one that the drive's vendor supplies")
+        raise ConfigError(f"{eds}: defines no objects; use the one supplied by the drive's vendor")
     return dictionary
 
 
@@ -292,8 +292,8 @@ class RemoteDrive:
             found = self._again(lambda: self._node.sdo.upload(index, sub))
         if found[: len(data)] != data:
             raise DeviceFault(
-                f"{self.name} holds 0x{found[::-1].hex()} in {entry.address} after "
-                f"0x{data[::-1].hex()} of its DCF was written"
+                f"{self.name} reads 0x{found[::-1].hex()} at {entry.address} after "
+                f"0x{data[::-1].hex()} from its DCF was written"
             )
 
     def _again(self, transfer: Callable[[], Any]) -> Any:
@@ -321,7 +321,7 @@ class RemoteDrive:
             if self._responses.late:
                 raise EndlessError(
                     f"{self.name} still sends {entry.address} {entry.name} after "
-                    f"{self._longest_ns * 1e-9:g} s; its response has no end"
+                    f"{self._longest_ns * 1e-9:g} s; the response never ends"
                 ) from err
             raise BusTimeout(
                 f"{self.name} does not respond ({what} {entry.address} {entry.name}, "

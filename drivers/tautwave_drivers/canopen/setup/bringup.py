@@ -265,7 +265,7 @@ def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> list[st
         try:
             torque_off(drive, net.clock, bus)  # by SDO: RPDOs may not have reached it
         except DriverError as err:
-            doubtful.append(f"{axis.label} keeps its watchdogs armed: {err}")
+            doubtful.append(f"{axis.label} still has its watchdogs armed: {err}")
             continue
         before = [] if axis.torque_before is None else [(o.MAX_TORQUE, axis.torque_before)]
         for entry, value in (*before, (c.rpdo(1).timer, 0), (c.CONSUMER_HEARTBEAT, 0)):

@@ -56,7 +56,7 @@ def _compare(drive: RemoteDrive, entry: Entry, wanted: int, mask: int = -1) -> N
     found = drive.number(entry)
     if found & mask != wanted & mask:
         raise DeviceFault(
-            f"{drive.name} holds 0x{found:X} in {entry.address} {entry.name} after 0x{wanted:X} "
+            f"{drive.name} reads 0x{found:X} at {entry.address} {entry.name} after 0x{wanted:X} "
             "was written: its PDO mapping may be fixed; see its manual"
         )
 

@@ -101,15 +101,16 @@ def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
         if value is not None and found[name] != value:
             shown = "nothing" if found[name] is None else f"0x{found[name]:X}"
             raise DeviceFault(
-                f"{drive.name} is another device: {entry.address} {entry.name} is {shown}, but "
-                f"the rig says 0x{value:X}; check the node id, or correct identity in the rig"
+                f"{drive.name} is a different device: {entry.address} {entry.name} is {shown}, "
+                f"but the rig expects 0x{value:X}; check the node id, or correct identity in the "
+                "rig"
             )
     words = ", ".join(f"{name} 0x{value:X}" for name, value in found.items() if value is not None)
     axis.identity = {name: f"0x{value:X}" for name, value in found.items() if value is not None}
     software = drive.find_text(c.SOFTWARE_VERSION)
     if software is not None:
         axis.identity["software"] = software
-    checked = "not compared: the rig gives no identity" if wanted is None else "as the rig says"
+    checked = "not checked: the rig gives no identity" if wanted is None else "as the rig says"
     notes = [f"{drive.name}: {words or 'no 1018h'} ({checked})"]
     modes = drive.find(o.SUPPORTED_MODES)
     needed = [(axis.mode, f"an {axis.spec.causality} axis")]
@@ -118,12 +119,12 @@ def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
     if axis.node.move is not None:
         needed.append((Mode.CSP if axis.node.move.mode == "csp" else Mode.PV, "move"))
     if modes is None:
-        return [*notes, f"{drive.name} has no 6502:00: its modes are checked when it is enabled"]
+        return [*notes, f"{drive.name} has no 6502:00, so its modes are checked when it is enabled"]
     for mode, what in needed:
         if not supports(modes, mode):
             raise DeviceFault(
-                f"{drive.name} has no {mode_name(mode)}, which {what} needs; 6502:00 "
-                f"(0x{modes:X}) names: {supported_text(modes)}"
+                f"{drive.name} does not support {mode_name(mode)}, which {what} needs; 6502:00 "
+                f"(0x{modes:X}) lists: {supported_text(modes)}"
             )
     return [*notes, f"{drive.name}: modes {supported_text(modes)}"]
 
@@ -147,7 +148,7 @@ def check_scale(drive: RemoteDrive, axis: Axis) -> list[str]:
     ):
         raise DeviceFault(
             f"{drive.name}: rated torque 6076:00 is {rated} (mN m, or uN m on some drives), but "
-            f"the rig says {said:g} N m; correct rated_torque, which scales every torque"
+            f"the rig states {said:g} N m; correct rated_torque, which scales every torque"
         )
     else:
         notes.append(f"{drive.name}: 6076:00 rated torque {rated} is {said:g} N m, as in the rig")
@@ -160,7 +161,7 @@ def check_scale(drive: RemoteDrive, axis: Axis) -> list[str]:
         if increments != counts * turns:
             raise DeviceFault(
                 f"{drive.name}: 608F says {increments} increments in {turns} motor turns, but the "
-                f"rig {counts} per turn; correct counts_per_revolution"
+                f"rig states {counts} per turn; correct counts_per_revolution"
             )
         notes.append(f"{drive.name}: 608F has {counts} counts per motor turn, as in the rig")
     return [*notes, *_factor_group(drive, axis), *_velocity_unit(drive, axis)]
@@ -179,13 +180,13 @@ def _factor_group(drive: RemoteDrive, axis: Axis) -> list[str]:
     counts = axis.node.counts_per_revolution
     if not math.isclose(feed * shaft, counts * turns * gear, rel_tol=1e-4):
         raise DeviceFault(
-            f"{drive.name}: gear 6091 ({gear}/{shaft}) and feed 6092 ({feed}/{turns}) make "
-            f"{feed * shaft / (turns * gear):g} position units per motor turn, but the rig has "
-            f"{counts}; set them so that one unit is an encoder increment, or correct "
+            f"{drive.name}: gear 6091 ({gear}/{shaft}) and feed 6092 ({feed}/{turns}) give "
+            f"{feed * shaft / (turns * gear):g} position units per motor turn, but the rig states "
+            f"{counts}; set them so that one unit is one encoder increment, or correct "
             "counts_per_revolution"
         )
     return [
-        f"{drive.name}: 6091 and 6092 make {counts} position units per motor turn, as in the rig"
+        f"{drive.name}: 6091 and 6092 give {counts} position units per motor turn, as in the rig"
     ]
 
 
@@ -211,9 +212,8 @@ def _velocity_unit(drive: RemoteDrive, axis: Axis) -> list[str]:
             f"{each / axis.scale.encoder_quantum:.6g}" for each in dict.fromkeys(meant)
         )
         raise DeviceFault(
-            f"{drive.name}: one velocity unit is {unit_text(word)} by 60A9:00, which is "
-            f"{right} counts/s, but the rig says velocity_factor {node.velocity_factor:g}; correct "
-            "it"
+            f"{drive.name}: one velocity unit is {unit_text(word)} by 60A9:00, which is {right} "
+            f"counts/s, but the rig states velocity_factor {node.velocity_factor:g}; correct it"
         )
     return [f"{drive.name}: 60A9 velocity unit {unit_text(word)}, as velocity_factor"]
 
@@ -235,10 +235,10 @@ def set_period(drive: RemoteDrive, bus: BusSpec) -> list[str]:
         wanted = bus.period_ns // 1_000_000, -3  # some drives support no unit but ms
     if wanted is None:
         if drive.find(o.INTERPOLATION_TIME) is None:
-            return [f"{drive.name} has no 60C2:01: it has no setting for the period"]
+            return [f"{drive.name} has no 60C2:01, so its interpolation period cannot be set"]
         raise DeviceFault(
-            f"{drive.name}: {bus.period_ns / 1e3:g} us cannot be written as 60C2h (1 to 255 times "
-            "a power of ten); choose another rate_hz, such as 1000, 500 or 250"
+            f"{drive.name}: {bus.period_ns / 1e3:g} us cannot be represented in 60C2h (1 to 255 "
+            "times a power of ten); choose another rate_hz, such as 1000, 500 or 250"
         )
     held = drive.find(o.INTERPOLATION_TIME), drive.find(o.INTERPOLATION_INDEX)
     if None not in held and held[0] * 10.0 ** held[1] * 1e9 == bus.period_ns:  # type: ignore[operator]
@@ -285,8 +285,8 @@ def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
         raise DeviceFault(
             f"{drive.name}: 6072:00 max torque {held} per mille is {held * step:.4g}, below the "
             f"rig's effort_limit {axis.spec.effort_limit:g}; lower effort_limit, or raise 6072h "
-            "with the drive's tool if motor and mechanics allow it; a run that was killed leaves "
-            "its own limit until the drive is switched off and on"
+            "with the drive's tool if motor and mechanics allow it; after a run was killed, its "
+            "limit stays until the drive is power-cycled"
         )
     if held > wanted:
         axis.torque_before = held
@@ -329,8 +329,8 @@ def set_watchdogs(
     text = "; ".join(lacking)
     if not allow_unwatched:
         raise DeviceFault(
-            f"{drive.name} would keep following its last command if this program falls silent: "
+            f"{drive.name} would keep following its last command if this program stops sending: "
             f"{text}; use a drive or firmware with a watchdog, or --allow-unwatched with a hand "
             "on the emergency stop"
         )
-    return [*notes, f"UNWATCHED: {drive.name} keeps moving if this program falls silent: {text}"]
+    return [*notes, f"UNWATCHED: {drive.name} keeps moving if this program stops sending: {text}"]

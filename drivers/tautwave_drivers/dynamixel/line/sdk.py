@@ -77,8 +77,8 @@ class SdkLine:
             sdk: Any = importlib.import_module("dynamixel_sdk")  # it has no types
         except ImportError as err:
             raise ConfigError(
-                "transport: sdk needs dynamixel-sdk; pip install 'tautwave[dynamixel]', or leave "
-                "transport out"
+                "transport: sdk needs dynamixel-sdk; pip install 'tautwave[dynamixel]', or omit "
+                "transport"
             ) from err
         self._success = sdk.COMM_SUCCESS
         self._handler = sdk.PacketHandler(2.0)

@@ -32,7 +32,7 @@ def check_one_family(servos: Sequence[Servo]) -> None:
     if len({servo.model.indirect_data for servo in servos}) > 1:
         raise ConfigError(
             "status_block: 330 models and others have their indirect data at different addresses "
-            "and cannot be read at once; leave status_block out, or use two lines"
+            "and cannot be read at once; omit status_block, or use two lines"
         )
 
 
@@ -51,5 +51,5 @@ def map_status_block(line: Line, servos: Sequence[Servo]) -> None:
         if response is None or response.data != data:
             raise DriverError(
                 f"{servo.axis.name} (servo {servo.options.id}): rejects the indirect "
-                "addresses of status_block; leave status_block out"
+                "addresses of status_block; omit status_block"
             )

@@ -16,12 +16,12 @@ from tautwave_drivers.modbus.options import host_port
 
 CHUNK = 4096
 _WORDS = {
-    errno.ECONNREFUSED: "refused: nothing listens there; check that the drive is on, and the port",
+    errno.ECONNREFUSED: "connection refused; check that the drive is on, and the port",
     errno.ECONNRESET: "reset by the drive; it was switched off, or serves another master",
     errno.EPIPE: "closed by the drive; it was switched off, or serves another master",
     errno.EHOSTUNREACH: "no route to this host; check cable and addresses",
     errno.ENETUNREACH: "no route to this network; check cable and addresses",
-    errno.ETIMEDOUT: "nothing answers there; check cable, supply and address",
+    errno.ETIMEDOUT: "no response; check cable, supply and address",
 }
 
 
@@ -89,7 +89,9 @@ class TcpPort:
         except OSError as err:
             raise DriverError(self._text(err.errno)) from err
         if sent < len(data):
-            raise DriverError(f"{self._name}: accepts no more bytes; it hangs, or its cable is out")
+            raise DriverError(
+                f"{self._name}: accepts no more bytes; it hangs, or its cable is unplugged"
+            )
 
     def read(self) -> bytes:
         """Return all that has come, at once; raises `DriverError` when the other end is gone."""

@@ -200,8 +200,8 @@ class TcpLink(Link):
         span_ns = self._clock.now_ns() - self._unanswered_ns
         if self._unanswered_ns and span_ns > self._silence_ns and not self.lost:
             self.drop(
-                f"no response for {span_ns * 1e-6:.0f} ms although the connection stands "
-                "(half-open): the drive hangs or its cable is out"
+                f"no response for {span_ns * 1e-6:.0f} ms although the connection is open "
+                "(half-open): the drive hangs or its cable is unplugged"
             )
 
     def _abandon_pending(self) -> None:

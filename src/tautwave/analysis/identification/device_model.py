@@ -161,8 +161,8 @@ def _solve_rows(
     rows = np.flatnonzero(use)[:: kernel.step]
     if len(rows) < LEAST_ROWS:
         raise ValueError(
-            "the device hardly moved: in only "
-            f"{len(rows) * kernel.step * kernel.period:.2g} s was it faster than its sensor's noise"
+            "the device hardly moved: it exceeded its sensor's noise for only "
+            f"{len(rows) * kernel.step * kernel.period:.2g} s"
         )
     parts = [kernel.apply(position, 2)[rows], kernel.apply(position, 1)[rows], signs[rows]]
     parts.append(np.full(len(rows), -1.0))

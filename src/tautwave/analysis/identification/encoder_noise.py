@@ -172,7 +172,7 @@ def _refuse_motion(
         )
     if spread > max(SLOW * quick, step):
         raise ValueError(
-            f"it moved: {spread:.3g} rms, and only {quick:.2g} from one sample to the next"
+            f"it moved: {spread:.3g} rms, but only {quick:.2g} from one sample to the next"
         )
     parts = np.array_split(rest, min(BLOCKS, max(len(rest) // LEAST_PART, 1)))
     deviations = np.array([float(np.std(part)) for part in parts])

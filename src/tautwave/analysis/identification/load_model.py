@@ -72,7 +72,7 @@ def moved(
     """
     kernel = Kernel(period, cutoff_hz)
     if len(position) <= 2 * kernel.half:
-        raise ValueError("the recording is too short; move longer")
+        raise ValueError("the recording is too short; move the axis for longer")
     velocity = kernel.apply(position, 1)
     sharp = Kernel(period, 4.0 * cutoff_hz)
     quick = np.zeros_like(position)
@@ -84,7 +84,7 @@ def moved(
     rows[:: kernel.step] = True
     rows &= use
     if np.count_nonzero(rows) < LEAST_ROWS:
-        raise ValueError("it hardly moved: give it more reach, or more time")
+        raise ValueError("it hardly moved: increase the amplitude or the duration")
     return Moved(
         rows.astype(np.float64),
         kernel.apply(position),

@@ -97,7 +97,7 @@ class Counterexample(NamedTuple):
         hz = abs(self.root.imag) / (2.0 * math.pi)
         what = f"the vibration at {hz:.1f} Hz" if hz >= 0.05 else "the motion"
         return (
-            f"this controller is unstable against this hand: m = {m:.3g} {units[0]}, "
+            f"this controller is unstable with this hand: m = {m:.3g} {units[0]}, "
             f"R = {r:.3g} {units[1]}, k = {k:.4g} {units[2]}; {what} {grows}"
         )
 

@@ -68,7 +68,7 @@ def simulate_hand(
         sizes, step = _run(example, controller, duration, most_steps)
     usable = len(sizes) // rows * rows
     if not usable:
-        raise ConfigError("the motion grows within a step: there is nothing to see")
+        raise ConfigError("the motion grows within a single step, so it cannot be shown")
     peaks = sizes[:usable].reshape(rows, -1).max(axis=1)
     time = np.asarray(step * (usable // rows) * np.arange(1, rows + 1), np.float64)
     half = rows // 2

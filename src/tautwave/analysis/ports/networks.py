@@ -74,7 +74,9 @@ def admittance(parts: Sequence[Part], node: str) -> Rational:
     """Return velocity over force at `node`; see `impedance`."""
     inner, whole = _determinants(parts, node)
     if not whole:
-        raise ConfigError(f"node {node}: no part holds it, so a force finds no resistance there")
+        raise ConfigError(
+            f"node {node}: nothing is connected to it, so it offers no resistance to a force"
+        )
     return rational(poly.multiply((Fraction(1), Fraction(0)), inner), whole)
 
 
@@ -102,7 +104,7 @@ def _assemble(parts: Sequence[Part]) -> tuple[list[list[Fraction]], ...]:
     for part in parts:
         value = exact(part.value)
         if value < 0:
-            raise ConfigError(f"{type(part).__name__} of {part.value}: a passive part is >= 0")
+            raise ConfigError(f"{type(part).__name__} of {part.value}: must be >= 0 to be passive")
         matrix = kinds[type(part)]
         ends = [index[name] for name in part[:-1] if name != GROUND]
         for i in ends:

@@ -33,7 +33,8 @@ def passivity_sentence(verdict: WallVerdict, name: str = "wall", *, rotary: bool
         head += f" is {_ratio(wall.stiffness, limit)} the passive limit {_number(limit)}"
     else:
         head += (
-            f" is not passive, and no other K is: it needs {_number(verdict.leak.damping)} "
+            " is not passive, and neither is any other K: it needs "
+            f"{_number(verdict.leak.damping)} "
             f"{damper}, the device has {_number(verdict.device.damping)}"
         )
     reasons = _reasons(verdict, damper)
@@ -63,20 +64,24 @@ def quantum_sentence(verdict: WallVerdict, name: str = "wall", *, rotary: bool =
     spring, _ = _units(rotary)
     device = verdict.device
     if device.quantum == 0.0:
-        return f"{name}: no encoder step is stated, so the quantised verdict is the passive one."
+        return f"{name}: no encoder step is given, so the quantised verdict equals the passive one."
     if verdict.passive_quantised:
-        return f"{name}: passive with the encoder's step too; friction covers it."
+        return f"{name}: also passive with the encoder's step; friction covers it."
     if device.coulomb == 0.0:
         why = "an encoder step and no Coulomb friction: no wall passes the quantised condition"
     else:
         why = (
-            f"not passive with the encoder's step; a prompt spring passes up to "
+            "not passive with the encoder's step; an undelayed spring passes up to "
             f"{_number(verdict.quantised_stiffness)} {spring}"
         )
     if math.isinf(verdict.activity):
-        return f"{name}: {why}, and with too little damping the energy it gives has no bound."
+        return (
+            f"{name}: {why}, and with too little damping the energy that "
+            "it can generate is unbounded."
+        )
     return (
-        f"{name}: {why}; at most {_number(verdict.activity, up=True)} J per two samples come out."
+        f"{name}: {why}; at most {_number(verdict.activity, up=True)} J "
+        "are generated per two samples."
     )
 
 
@@ -105,7 +110,7 @@ def _advice(verdict: WallVerdict, damper: str) -> str:
         options.append(f"lower B to {_number(remedies.damping, down=True)}")
     if math.isfinite(remedies.rate):
         options.append(f"raise the rate to {_frequency(remedies.rate)}")
-    options.append(f"add {_number(remedies.added, up=True)} {damper} damping")
+    options.append(f"add {_number(remedies.added, up=True)} {damper} of damping")
     text = ", or ".join(options)
     return text[0].upper() + text[1:]
 

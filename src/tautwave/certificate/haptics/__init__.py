@@ -51,7 +51,7 @@ def haptics(rig: Rig) -> Haptics:
     Walls are as run: derated where the rig says so.
     """
     if rig.scene is not None:
-        return Haptics((), (), (), ("the hand touches a scene; its certificate says how",))
+        return Haptics((), (), (), ("the hand touches a scene; see its certificate",))
     delays = declared_delays(rig)
     rig, _ = derate_walls(rig, delays, {})
     widths = tuple(
@@ -60,7 +60,7 @@ def haptics(rig: Rig) -> Haptics:
         if axis.causality == "impedance"
     )
     silent = [
-        f"{name}: it takes velocity, and no theorem here covers a wall on it"
+        f"{name}: it is velocity-controlled, and no theorem used here covers a wall on it"
         for name, axis in rig.axes.items()
         if axis.causality != "impedance"
     ]

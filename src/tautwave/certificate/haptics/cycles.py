@@ -57,7 +57,7 @@ class WallCycle(NamedTuple):
         if self.predicted is None:
             first = f"{head}: no prediction: {self.reason}."
         elif self.predicted == UNBOUNDED:
-            return [f"{head}: without damping of the device the bounce is unbounded."]
+            return [f"{head}: without device damping the bounce is unbounded."]
         elif self.predicted == REST:
             first = (
                 f"{head}: comes to rest; no limit cycle, though some passive hand can sustain one."

@@ -48,12 +48,13 @@ WIDTH_WORDS = (
 FELT_WORDS = (
     "Left: impedance at the hand. An ideal rig shows exactly what the slave touches. Right: "
     "Llewellyn's margin, in the linear regime: where it is not negative, the rig is stable between "
-    "any passive hand and environment. Grey: too close to 0 to decide for a sampled rig. Where the "
+    "any passive hand and environment. Grey: too close to 0 for a "
+    "verdict on a sampled rig. Where the "
     "margin is negative, a port's tank has to intervene."
 )
 CYCLE_WORDS = (
-    "The bare device pressed against the wall by a constant force. Depth grows in proportion to "
-    "the force, the frequency stays."
+    "The bare device pressed against the wall by a constant force. Depth is proportional to the "
+    "force; the frequency is independent of it."
 )
 
 

@@ -127,15 +127,15 @@ class Felt(NamedTuple):
             f"{name}: at {self.hertz[0]:g} Hz free motion feels like {self.mass:.3g} {mass} and "
             f"{self.damping:.3g} {damper} (ideal: nothing), a clamped slave like "
             f"{self.stiffness:.3g} {spring} (ideal: rigid).",
-            f"{name}: up to {min(top, WIDTH_HZ):g} Hz the two are {self.width.decibels:.3g} dB "
-            "apart in the mean.",
+            f"{name}: up to {min(top, WIDTH_HZ):g} Hz the two differ by {self.width.decibels:.3g} "
+            "dB on average.",
         ]
         if self.touching is not None:
             at = self.faithful_hz
             where = f"within {CLOSE_DB:g} dB of the ideal up to {top if at is None else at:.3g} Hz"
             if at == self.hertz[0]:
-                where = f"more than {CLOSE_DB:g} dB off the ideal from {at:g} Hz on"
-            lines.append(f"{name}: touching {self.contact} it feels {where}.")
+                where = f"more than {CLOSE_DB:g} dB from the ideal above {at:g} Hz"
+            lines.append(f"{name}: touching {self.contact}, it feels {where}.")
         at = int(np.argmin(self.margin))
         least = f"least margin {self.margin[at]:.2g} at {self.hertz[at]:.3g} Hz"
         if self.stable:
@@ -196,7 +196,10 @@ def pair_felt(rig: Rig, pair: str, delays: Delays) -> Felt | str:
     if is_silent(rig) or not coupling_part(rig).linear:
         return f"pair {pair}: law {rig.coupling.law} has no linear model (its part names none)"
     if max(rig.axis_divisor(f"{side}.{pair}") for side in SIDES) > 1:
-        return f"pair {pair}: its sides run at different rates; give both buses divisor 1 to see it"
+        return (
+            f"pair {pair}: its sides run at different rates; set divisor 1 "
+            "on both buses to evaluate it"
+        )
     ends = [believed_end(rig, f"{side}.{pair}", delays, "value") for side in SIDES]
     if any(end.push is None for end in ends):
         return f"pair {pair}: the linear model of law {rig.coupling.law} has no force inputs"

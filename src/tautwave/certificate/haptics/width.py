@@ -89,7 +89,7 @@ class AxisWidth(NamedTuple):
         who = "with the stated hand" if self.hand is not None else "without a hand"
         firm, at = self.firmest()
         if math.isinf(firm):
-            return f"{head}; {who} some walls are stable however stiff."
+            return f"{head}; {who} some walls are stable at any stiffness."
         return f"{head}; {who} walls are stable up to K = {firm:.4g} with B = {at:.3g}."
 
     def as_dict(self) -> dict[str, Any]:

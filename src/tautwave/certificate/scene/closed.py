@@ -35,8 +35,8 @@ SPLIT = 1e-6
 def unproved(names: Sequence[str], limit: float) -> str:
     """Return the condition for links that no theorem covers; `limit` [J] is that of the account."""
     return (
-        f"what holding the effort creates at {listed(names)} stays small: no theorem bounds it; a "
-        f"run measures it (scene.hold) and stops beyond {limit:.4g} J"
+        f"the energy created by the effort hold at {listed(names)} stays small: no theorem bounds "
+        f"it; a run measures it (scene.hold) and stops beyond {limit:.4g} J"
     )
 
 
@@ -105,12 +105,12 @@ def _need(scene: ClosedScene, worst: Worst) -> str:
         present = scene.rig.axes[scene.axes[0]].damping.lower
         return (
             f"{what} the scene, sampled at {scene.rig.rate_hz:g} Hz, needs {need.alone[0]:.4g} "
-            f"{damp} of the device {have} {present:.4g} is believed"
+            f"{damp} of the device {have} {present:.4g} is assumed"
         )
     return (
-        f"{what} the scene, sampled at {scene.rig.rate_hz:g} Hz, needs {need.share:.4g} times "
-        f"the damping believed of all devices together (Colgate and Schenkel, searched on a "
-        f"grid; at {need.frequency:.4g} Hz)"
+        f"{what} the scene, sampled at {scene.rig.rate_hz:g} Hz, needs {need.share:.4g} times the "
+        "damping assumed for all devices together (Colgate and Schenkel, searched on a grid; at "
+        f"{need.frequency:.4g} Hz)"
     )
 
 

@@ -75,7 +75,7 @@ def _port(left: Axes, right: Axes, rig: Rig, name: str, delay: CommandDelay) -> 
     high = 1.3 * max(need.damping if math.isfinite(need.damping) else 0.0, present, 1e-9)
     low = max(-high, 1.2 * float(np.min(leak))) if np.min(leak) < 0.0 else -0.1 * high
     left.axhspan(low, present, color=WALL_SHADE, alpha=0.45, label="passive")
-    left.axhline(present, color=WALL, linewidth=1.4, label="the device has, certain")
+    left.axhline(present, color=WALL, linewidth=1.4, label="guaranteed device damping")
     colour = MASTER if need.damping <= present else SLAVE
     left.semilogx(hertz, np.clip(leak, low, high), color=colour, label="the scene needs")
     if 0.0 < need.damping < math.inf:

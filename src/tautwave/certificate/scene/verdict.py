@@ -180,9 +180,9 @@ def _network(network: Network, curved: tuple[str, ...], tuned: Tuned | None = No
         if tuned is not None and _gives(network):
             verdict = Verdict(
                 False,
-                "network: discretised with the device it has dampers below zero, which give what "
-                "sampling takes: by itself it is not passive in continuous time, and how the "
-                "sampled port is passive is said there.",
+                "network: discretised with the device it has dampers below zero, which supply "
+                "what sampling dissipates: by itself it is not passive in continuous time; see "
+                "the port for the passivity of the sampled system.",
             )
     else:
         verdict = bad
@@ -206,9 +206,9 @@ def _modes(tuned: Tuned) -> Iterator[str]:
         return ", ".join(f"{s.imag / (2 * math.pi):.6g} Hz ({-s.real:.4g} 1/s)" for s in modes)
 
     yield (
-        f"network: discretised with device and hand; sampled, its modes are "
-        f"{listed(tuned.found)}, the ideal's within {max(tuned.error, MODES_AGREE):.0e}; "
-        f"with the file's numbers {listed(tuned.plain)}."
+        "network: discretised with device and hand; sampled, its modes are "
+        f"{listed(tuned.found)}, within {max(tuned.error, MODES_AGREE):.0e} of the ideal; with "
+        f"the file's parameters {listed(tuned.plain)}."
     )
     springs = [
         f"{link.name} {link.stiffness:.6g} N/m"
@@ -295,7 +295,7 @@ def _port(
         tail = (
             f"its linear part, sampled at {rig.rate_hz:g} Hz, needs {need.damping:.4g} {unit} of "
             f"the device (Colgate and Schenkel, {proof}; at {need.frequency:.4g} Hz), of which "
-            f"{present:.4g} is believed."
+            f"{present:.4g} is assumed."
         )
         conditions = (*curved, *assumed(axis, axis_name, inertia=True, damping=True))
         if broken:

@@ -79,7 +79,7 @@ def scene3d_certificate(rig: Rig, delays: Mapping[str, CommandDelay]) -> Figure:
         style = ("-", "--", ":")[at % 3]
         left.semilogx(hertz, curve, style, color=MASTER if good else SLAVE, label=name)
         left.axhline(damping[at], linestyle=style, color=WALL, linewidth=1.0)
-    left.plot([], [], color=WALL, label="the device has, certain")
+    left.plot([], [], color=WALL, label="guaranteed device damping")
     high = 1.3 * max(float(damping.max()), *(n for n in need.alone if math.isfinite(n)), 1e-9)
     left.set(xlabel="frequency [Hz]", ylabel="damping [N s/m]", ylim=(-high, high))
     root = np.sqrt(np.maximum(damping, 1e-300))

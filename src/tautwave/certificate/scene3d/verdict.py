@@ -120,26 +120,27 @@ class _Scene:
             conditions.append(unproved(curved, self.limit))
         if turning:
             conditions.append(
-                f"what {listed(turning)} do as they turn away from the start position stays "
-                "small: no theorem bounds it; a run measures it (scene.hold) and stops beyond "
-                f"{self.limit:.4g} J"
+                f"the energy created by {listed(turning)} as they turn away from the start "
+                "position stays small: no theorem bounds it; a run measures it (scene.hold) and "
+                f"stops beyond {self.limit:.4g} J"
             )
         conditions += [
-            f"what holding the wrench on {tool.name} creates as it turns stays small: it is that "
-            f"of one pose; a run measures it (scene.hold) and stops beyond {self.limit:.4g} J"
+            f"the energy created by holding the wrench on {tool.name} as it turns stays small: "
+            "the bound is for a single pose; a run measures it (scene.hold) and stops beyond "
+            f"{self.limit:.4g} J"
             for tool in self.network.tools
             if tool.turns
         ]
         if self.network.elements:
             conditions.append(
-                "what the tissue does as it turns and strains away from the start position stays "
-                "small: no theorem bounds it sampled; a run measures it (scene.hold) and stops "
-                f"beyond {self.limit:.4g} J"
+                "the energy created by the tissue as it rotates and deforms away from the start "
+                "position stays small: no theorem bounds it when sampled; a run measures it "
+                f"(scene.hold) and stops beyond {self.limit:.4g} J"
             )
         if self.scheme == "linearly_implicit":
             conditions.append(
                 "the energy that one linear solve a step creates (scene.numeric) stays small: a "
-                f"run books it, and stops beyond {self.limit:.4g} J"
+                f"run measures it, and stops beyond {self.limit:.4g} J"
             )
         share = symplectic_share(self.arrays, self.rig.period_s)
         if self.scheme == "symplectic" and share >= 1.0:
@@ -215,9 +216,9 @@ def _ports(scene: _Scene) -> Iterator[Element]:
         yield _axis(scene, at, name, need, why)
     if need is not None and len(scene.axes) > 1 and felt:
         reason = (
-            "all axes together: near the start position the linear part needs "
-            f"{need.share:.1%} of the damping believed (Colgate and Schenkel for all axes "
-            f"together, searched on a grid; at {need.frequency:.4g} Hz)"
+            f"all axes together: near the start position the linear part needs {need.share:.1%} "
+            "of the assumed damping (Colgate and Schenkel for all axes together, searched on a "
+            f"grid; at {need.frequency:.4g} Hz)"
         )
         verdict = active_links(scene.network) or Verdict(
             need.share <= 1.0,
@@ -259,7 +260,7 @@ def _axis(scene: _Scene, at: int, name: str, need: JointNeed | None, why: str) -
         tail = (
             f"near the start position its linear part, sampled at {rig.rate_hz:g} Hz, needs "
             f"{alone:.4g} {unit} of the device (Colgate and Schenkel, searched on a grid, the "
-            f"other axes held), of which {present:.4g} is believed."
+            f"other axes held), of which {present:.4g} is assumed."
         )
         if need.share == 0.0 and not numbers["needed_damping"]:
             tail = (
@@ -277,9 +278,7 @@ def _axis(scene: _Scene, at: int, name: str, need: JointNeed | None, why: str) -
     shared = scene.conditions() if at else ()
     lines = [f"{title}: if {c}." for c in passive.conditions if c not in shared]
     if shared and passive.conditions:
-        lines.append(
-            f"{title}: under the conditions that {scene.network.axes[0]} has from the scene."
-        )
+        lines.append(f"{title}: under the same scene conditions as {scene.network.axes[0]}.")
     sentences = (passive.reason, *lines)
     return Element(title, "scene port", name, passive, quantised, numbers, sentences)
 

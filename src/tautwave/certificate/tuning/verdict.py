@@ -20,12 +20,12 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     found = tuning(rig, pair, delays)
     if found is None:
         why = (
-            "commands act after fractions of a period, or its law does not come to rest, or reads "
-            "an effort sensor"
+            "commands act after a fractional period, or its law does not come to rest, or it "
+            "reads an effort sensor"
         )
         if rig.link is not None:
             why = "over a network its delay is not known"
-        verdict = Verdict(False, f"{head}: nothing is known of it: {why}. {remedy}")
+        verdict = Verdict(False, f"{head}: not evaluated: {why}. {remedy}")
         return Element(head, "coupling", pair, verdict, verdict, {}, (verdict.reason,))
     names = [f"{side}.{pair}" for side in SIDES]
     numbers = {**found._asdict(), "damping": [rig.axes[name].damping.lower for name in names]}
@@ -49,7 +49,7 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     quantised = verdict
     if verdict.passed and any(rig.axes[name].encoder_quantum for name in names):
         quantised = Verdict(
-            False, f"{head}: nothing is proved of its limit cycles on encoder steps."
+            False, f"{head}: no proof covers its limit cycles caused by encoder steps."
         )
     return Element(head, "coupling", pair, verdict, quantised, numbers, (verdict.reason,))
 
@@ -59,14 +59,14 @@ def tuning_sentence(rig: Rig, pair: str, found: Tuning) -> str:
     unit = "N m s/rad" if rig.master.axes[pair].kind == "rotary" else "N s/m"
     if found.short <= 0.0:
         return (
-            f"passive by tuning for any hand and environment: sampled, with delays, it needs "
-            f"{found.needed:.4g} {unit} of each device if both have the same, and they have "
+            "passive by tuning for any hand and environment: sampled, with delays, it needs "
+            f"{found.needed:.4g} {unit} of each device if both have equal damping, and they have "
             f"{-found.short:.4g} to spare."
         )
     if math.isinf(found.needed):
-        return "not passive: no damping of the devices would do at low frequencies."
+        return "not passive: no amount of device damping suffices at low frequencies."
     apart = (
-        "with a hand and an environment that do not touch each other it is stable all the same."
+        "with a hand and an environment that do not touch each other it is still stable."
         if found.short_apart <= 0.0
         else f"even for a hand and an environment that do not touch each other both lack "
         f"{found.short_apart:.4g}."

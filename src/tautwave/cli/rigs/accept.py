@@ -21,20 +21,22 @@ from tautwave.errors import ConfigError
 STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
 
 
-@click.command(short_help="Lead through the first day with real drives; measure, record, seal.")
+@click.command(short_help="Guide you through commissioning real drives: measure, record, seal.")
 @click.argument("rig", type=PATH)
 @click.option("--by", metavar="NAME", help="Who accepts.")
 @click.option("--keys", type=PATH, metavar="DIR", help="Sign with a key of tautwave keys init.")
 @click.option(
     "--site", default="master", show_default=True, metavar="NAME", help="Whose key of --keys."
 )
-@click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this one; repeatable.")
+@click.option(
+    "--axis", "axes", multiple=True, metavar="NAME", help="Only this one; may be repeated."
+)
 @click.option(
     "--stages",
     default=",".join(STAGES),
     show_default=True,
     metavar="A,B",
-    help="In this order, which is one of rising risk.",
+    help="In this order, from low to high risk.",
 )
 @click.option(
     "--run-s",
@@ -45,8 +47,8 @@ STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", 
     metavar="S",
     help="Length of the coupled runs [s].",
 )
-@click.option("--script", metavar="FILE", help="Answers, as for calibrate.")
-@click.option("--verify", is_flag=True, help="RIG is an acceptance.json: compare with what it has.")
+@click.option("--script", metavar="FILE", help="Answers from a file, as for calibrate.")
+@click.option("--verify", is_flag=True, help="RIG is an acceptance.json: verify it.")
 @out_option("Directory, new or empty; default: runs/accept-NAME-DATE-TIME.")
 @clock_option()
 @simulate_option
@@ -70,13 +72,13 @@ def accept(
     allow_unwatched: bool,
     configure: bool,
 ) -> None:
-    """Accept the devices of RIG, stage by stage in rising risk; press Enter to continue.
+    """Run acceptance tests on the devices of RIG, stage by stage from low to high risk.
 
-    Without torque: identity, sign and scale by hand, limits. With torque and no effort: noise at
-    rest, the watchdog by pulling the cable. With effort: delay by a step, effort by a spring scale,
-    then the coupled rig at a tenth and at all of its effort. A stage that is not good ends it, with
-    exit code 6. acceptance.json has every number, and is sealed by the SHA-256 of every recording
-    and of itself; --keys signs it, and with --verify says who has signed.
+    Without torque: identity, sign and scale by hand, limits. Enabled with zero effort: noise at
+    rest, the watchdog by unplugging the cable. With effort: delay by a step, effort with a spring
+    scale, then the coupled rig at a tenth of its effort and at full effort. The first failed stage
+    ends it with exit code 6. acceptance.json holds every result, sealed by the SHA-256 of every
+    recording and of itself; --keys signs it, and with --verify shows who signed.
 
     \b
     Examples:
@@ -93,10 +95,10 @@ def accept(
             click.echo(sentence, err=True)
         if not found.wrong:
             by = f", signed with the key of site {found.signer}" if found.signer else ""
-            click.echo(f"{rig}: as it was sealed{by}")
+            click.echo(f"{rig}: unchanged since it was sealed{by}")
         ctx.exit(2 if found.wrong else 0)
     if by is None:
-        raise click.UsageError("--by NAME: who accepts?")
+        raise click.UsageError("--by is missing: who performs the acceptance?")
     from tautwave.cli.rigs.talking import conversation
     from tautwave.cli.run import fresh_directory
     from tautwave.config import load_rig
@@ -120,5 +122,5 @@ def accept(
     good = sum(check.good for check in checks)
     how = "sealed" if keys is None else f"signed with the key of site {site}"
     ended = "accepted" if good == len(checks) else "NOT accepted"
-    click.echo(f"{path}: {good} of {len(checks)} good, {ended} by {by}, {how}")
+    click.echo(f"{path}: {good} of {len(checks)} passed, {ended} by {by}, {how}")
     ctx.exit(0 if good == len(checks) else 6)

@@ -21,23 +21,26 @@ from tautwave.errors import ConfigError
 STEPS = ("zero", "direction", "range", "identify")
 
 
-@click.command(short_help="Show a rig its zero, directions and ranges by hand.")
+@click.command(short_help="Teach a rig its zero, directions and ranges by hand.")
 @rig_argument
-@click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this one; repeatable.")
+@click.option(
+    "--axis", "axes", multiple=True, metavar="NAME", help="Only this one; may be repeated."
+)
 @click.option(
     "--steps",
     default="zero,direction,range",
     show_default=True,
     metavar="A,B",
-    help="Of zero, direction, range (by hand, without torque) and identify (inertia and friction).",
+    help="Any of zero, direction, range (by hand, without torque) and "
+    "identify (inertia and friction).",
 )
 @click.option(
     "--stop",
     "stops",
     multiple=True,
     metavar="AXIS=POSITION",
-    help="Zero by a mechanical stop that is at this position [rad or m]: the axis goes there, with"
-    " a fifth of its effort limit and 0.2 rad/s or m/s at most. Repeatable.",
+    help="Find zero by a mechanical stop at this position [rad or m]: the axis moves there, with "
+    "at most a fifth of its effort limit and 0.2 rad/s or m/s. May be repeated.",
 )
 @click.option(
     "--identify-s",
@@ -46,12 +49,13 @@ STEPS = ("zero", "direction", "range", "identify")
     show_default=True,
     callback=positive,
     metavar="S",
-    help="How long identify excites each axis [s].",
+    help="Excitation time per axis for identify [s].",
 )
 @click.option(
     "--script",
     metavar="FILE",
-    help="Answers from a file with lines `SECONDS [ANSWER]`, the seconds after each question.",
+    help="Answers from a file of lines `SECONDS [ANSWER]`: time after "
+    "each question, and the answer.",
 )
 @out_option("Directory of the recordings; default: runs/calibrate-NAME-DATE-TIME.")
 @clock_option()
@@ -71,12 +75,12 @@ def calibrate(
     allow_unwatched: bool,
     configure: bool,
 ) -> None:
-    """Calibrate the devices of RIG, led step by step; press Enter to continue.
+    """Calibrate the devices of RIG step by step; press Enter to continue.
 
-    Zero is a pose that you hold, direction and range what you move by hand; no device has torque
-    meanwhile. --stop takes an axis to its mechanical stop instead, and identify excites each axis.
-    The result is RIG's name with .calibration.yaml, named in RIG by its SHA-256. A run refuses a
-    device that identifies itself differently than it did here.
+    For zero you hold a pose; for direction and range you move the axes by hand, with torque off.
+    --stop instead moves an axis to its mechanical stop, and identify excites each axis. The result
+    is stored next to RIG with the suffix .calibration.yaml, and RIG refers to it by its SHA-256. A
+    run rejects a device whose identity has changed since.
 
     \b
     Examples:

@@ -9,16 +9,16 @@ import click
 from tautwave.cli.options import PATH, echo_json, json_option
 
 
-@click.command(short_help="Examine this machine: what costs a run time, and what mends it.")
+@click.command(short_help="Check this machine for what makes a run late, and how to fix it.")
 @click.argument("rig", type=PATH, required=False)
 @json_option
 @click.pass_context
 def doctor(ctx: click.Context, rig: Path | None, as_json: bool) -> None:
-    """Examine this machine: kernel, limits, governor, clock, serial ports, CAN interfaces.
+    """Check this machine: kernel, limits, governor, clock, serial ports, CAN interfaces.
 
-    With RIG: the ports and interfaces of its buses, against what it asks for. Each finding that
-    costs something says what, and the command that mends it. Nothing is changed. Exits with 5 if
-    something bars a run, such as a port that may not be opened.
+    With RIG: also check that the ports and interfaces of its buses match it. Each problem is listed
+    with its effect and the command that fixes it. Nothing is changed. Exits with 5 if something
+    prevents a run, such as a port without access permission.
 
     \b
     Examples:
@@ -40,8 +40,8 @@ def doctor(ctx: click.Context, rig: Path | None, as_json: bool) -> None:
             if finding.cost:
                 click.echo(f"         {finding.cost}")
             if finding.command:
-                click.echo(f"         mend: {finding.command}")
+                click.echo(f"         fix: {finding.command}")
         costing = sum(finding.state != GOOD for finding in found)
-        click.echo(f"{len(found)} looked at, {costing} to mend" if costing else "nothing to mend")
+        click.echo(f"{len(found)} checked, {costing} to fix" if costing else "nothing to mend")
     if any(finding.state == BARS for finding in found):
         ctx.exit(DriverError.exit_code)

@@ -33,10 +33,10 @@ from tautwave.kinds import RECORDING, RUN
 @click.option(
     "--missing",
     type=click.Choice(["refuse", "cut"]),
-    help="LeRobot: frames that miss a sample; default: refuse.",
+    help="LeRobot: how to treat frames with a missing sample; default: refuse.",
 )
-@click.option("--no-video", is_flag=True, help="LeRobot: leave out what cameras saw.")
-@out_option("Output directory; default: export in DIR. A dataset's must not exist.")
+@click.option("--no-video", is_flag=True, help="LeRobot: omit the camera images.")
+@out_option("Output directory; default: export in DIR. For a dataset it must not exist.")
 def export(
     directories: tuple[Path, ...],
     to: str,
@@ -48,10 +48,10 @@ def export(
     no_video: bool,
     out: Path | None,
 ) -> None:
-    """Write the rows of runs, one file an episode, and episodes.csv, which lists them.
+    """Export runs, one file per episode, with episodes.csv as an index.
 
-    A run without episodes is one file. Units are SI, as recorded. Several runs go to a folder of
-    their own each; as a LeRobot dataset (v3.0) they are its episodes.
+    A run without episodes becomes one file. Units are SI, as recorded. Several runs each get their
+    own directory; in a LeRobot dataset (v3.0) they become its episodes.
 
     \b
     Examples:
@@ -64,9 +64,11 @@ def export(
     given = [name for name, value in only.items() if value]
     if to == "lerobot":
         if columns is not None:
-            raise click.UsageError("--columns is for tables; a dataset has its own choice")
+            raise click.UsageError("--columns is for tables; a dataset has fixed columns")
         if out is None and len(directories) > 1:
-            raise click.UsageError("several runs make one dataset: say where with --out DIR")
+            raise click.UsageError(
+                "several runs are combined into one dataset: give its directory with --out DIR"
+            )
         from tautwave.report.export.lerobot import export_dataset
 
         where = _beside(directories[0]) if out is None else out

@@ -19,23 +19,31 @@ if TYPE_CHECKING:
     from tautwave.types import FoundBus
 
 
-@click.command(short_help="Write a first rig file from the devices on the bench.")
+@click.command(short_help="Write a first rig file for the connected devices.")
 @click.argument("rig", type=PATH)
 @click.option(
     "--bus",
     "buses",
     multiple=True,
     metavar="'[NAME=]DRIVER [OPTIONS]'",
-    help="Scan this bus, with the options of `tautwave scan DRIVER`; may be repeated. Without:"
-    " every USB serial port and every CAN interface of this machine.",
+    help="Scan this bus, with the options of `tautwave scan DRIVER`; may be repeated. Default: "
+    "every USB serial port and CAN interface of this machine.",
 )
 @click.option("--eds", type=PATH, metavar="FILE", help="CiA 402 drives from their EDS; no scan.")
 @click.option("--profile", type=PATH, metavar="FILE", help="Modbus drives from a profile; no scan.")
 @click.option("--from", "example", metavar="EXAMPLE", help="Copy a shipped rig instead.")
-@click.option("--master", metavar="DEVICES", help="In the hand: BUS:IDS, BUS or IDS, such as 1-6.")
-@click.option("--slave", metavar="DEVICES", help="At the task: as many, in the same order.")
 @click.option(
-    "--joints", metavar="NAMES", help="Names of the pairs, with commas; default j1, j2 ..."
+    "--master",
+    metavar="DEVICES",
+    help="Devices on the operator's side: BUS:IDS, BUS or IDS, such as 1-6.",
+)
+@click.option(
+    "--slave",
+    metavar="DEVICES",
+    help="Devices on the task side: the same number, in the same order.",
+)
+@click.option(
+    "--joints", metavar="NAMES", help="Names of the pairs, separated by commas; default j1, j2 ..."
 )
 def new(
     rig: Path,
@@ -47,10 +55,11 @@ def new(
     slave: str | None,
     joints: str | None,
 ) -> None:
-    """Write the rig file RIG: what the devices report, and TODO where only you know.
+    """Write the rig file RIG from what the devices report, with TODO for what only you know.
 
-    Asks which devices are in the hand and which at the task, unless --master and --slave say so.
-    Nothing is enabled and nothing is written into a device. An existing file is never replaced.
+    Asks which devices are on the operator's side and which on the task side, unless given by
+    --master and --slave. Enables nothing and writes nothing to a device. Existing files are never
+    overwritten.
 
     \b
     Examples:
@@ -61,11 +70,13 @@ def new(
         tautwave new bench.yaml --from bench-1dof-loopback
     """
     if sum(bool(one) for one in (buses, eds, profile, example)) > 1:
-        raise click.UsageError("--bus, --eds, --profile and --from exclude each other.")
+        raise click.UsageError("--bus, --eds, --profile and --from are mutually exclusive.")
     if rig.suffix not in (".yaml", ".yml"):
-        raise ConfigError(f"new: {rig}: the name of a rig file ends in .yaml")
+        raise ConfigError(f"new: {rig}: a rig file name must end in .yaml")
     if rig.exists():
-        raise ConfigError(f"new: {rig} is there already, and is not replaced; name another file")
+        raise ConfigError(
+            f"new: {rig} already exists and is not overwritten; choose another file name"
+        )
     if example is not None:
         _write(rig, _copied(example, rig.stem))
         return
@@ -98,8 +109,8 @@ def _surveyed(given: Sequence[str]) -> list[FoundBus]:
     to_scan = [_place(text) for text in given] if given else places()
     if not to_scan:
         raise ConfigError(
-            "new: this machine has no USB serial port and no CAN interface; plug the adapter in, or"
-            " name a bus: --bus 'modbus --endpoint tcp://192.168.1.20:502'"
+            "new: this machine has no USB serial port and no CAN interface; plug in the adapter, "
+            "or name a bus: --bus 'modbus --endpoint tcp://192.168.1.20:502'"
         )
     with Progress("new") as progress:
         found, without = survey(to_scan, progress)
@@ -107,7 +118,7 @@ def _surveyed(given: Sequence[str]) -> list[FoundBus]:
         click.echo(sentence, err=True)
     if not found:
         raise ConfigError(
-            "new: nothing was found that a rig can drive; are the devices supplied with power?"
+            "new: found no device that a rig can drive; are the devices powered?"
             " `tautwave scan DRIVER --help` lists the options of a scan"
         )
     return found
@@ -144,7 +155,7 @@ def _asked(given: str | None, option: str, question: str, guess: str) -> str:
         return given
     if not sys.stdin.isatty():
         hint = f", such as {option} {guess}" if guess else ""
-        raise ConfigError(f"new: which devices are {question}? Say so with {option}{hint}")
+        raise ConfigError(f"new: which devices are {question}? Specify them with {option}{hint}")
     answer: str = click.prompt(f"Devices {question}", default=guess or None)
     return answer
 
@@ -152,7 +163,8 @@ def _asked(given: str | None, option: str, question: str, guess: str) -> str:
 def _names(joints: str | None, hand: Sequence[Chosen], task: Sequence[Chosen]) -> list[str]:
     if len(hand) != len(task):
         raise ConfigError(
-            f"new: {len(hand)} in the hand and {len(task)} at the task; a pair has one of each"
+            f"new: {len(hand)} devices on the operator's side and {len(task)} on the "
+            "task side; a pair needs one of each"
         )
     both = [one for one in hand if one in task]
     if both:
@@ -161,7 +173,7 @@ def _names(joints: str | None, hand: Sequence[Chosen], task: Sequence[Chosen]) -
         return [f"j{number + 1}" for number in range(len(hand))]
     names = [name.strip() for name in joints.split(",")]
     if len(names) != len(hand) or len(set(names)) != len(names):
-        raise ConfigError(f"new: --joints: {len(hand)} different names are needed (got {joints!r})")
+        raise ConfigError(f"new: --joints: {len(hand)} distinct names are needed (got {joints!r})")
     return names
 
 

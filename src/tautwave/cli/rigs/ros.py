@@ -10,7 +10,7 @@ import click
 from tautwave.cli.options import Number, run_argument, wait_option
 
 
-@click.command(short_help="Publish a run that is going on to ROS 2.")
+@click.command(short_help="Publish a run in progress to ROS 2.")
 @run_argument
 @click.option(
     "--rate",
@@ -18,7 +18,7 @@ from tautwave.cli.options import Number, run_argument, wait_option
     default=100.0,
     show_default=True,
     metavar="HZ",
-    help="Of joint states and wrenches; at most 100.",
+    help="Rate of joint states and wrenches [Hz]; at most 100.",
 )
 @click.option(
     "--domain",
@@ -35,7 +35,7 @@ from tautwave.cli.options import Number, run_argument, wait_option
     default="lo",
     show_default=True,
     metavar="NAME",
-    help="The only network interface that is used; lo: this machine alone.",
+    help="The only network interface to use; lo: this machine only.",
 )
 @click.option(
     "--peer",
@@ -46,7 +46,8 @@ from tautwave.cli.options import Number, run_argument, wait_option
 @click.option(
     "--allow-commands",
     is_flag=True,
-    help="Engage while a Bool on /tautwave/engage is repeated as true, with an `operate` block.",
+    help="Engage while true is published repeatedly on /tautwave/engage "
+    "(Bool); requires an `operate` block.",
 )
 @wait_option
 def ros(
@@ -59,13 +60,13 @@ def ros(
     allow_commands: bool,
     wait: float,
 ) -> None:
-    """Publish the run in DIR while it is going on, for any node of ROS 2; needs no ROS here.
+    """Publish the run in DIR to ROS 2 while it is in progress; needs no ROS installation.
 
-    Joint states of both sides, wrenches at the tips of arms, and /diagnostics. It reads the run's
-    shared memory and writes nothing into it. Ctrl-C ends the publishing, not the run.
+    Joint states of both sides, wrenches at the tips of arms, and /diagnostics. Reads the run's
+    shared memory without writing to it. Ctrl-C stops publishing, not the run.
 
-    DDS has no passwords: anyone who reaches the interface can read, and command if that is
-    allowed. So it stays on this machine unless --interface names another one.
+    DDS has no passwords: anyone who can reach the interface can read, and send commands if allowed.
+    It is therefore limited to this machine unless --interface names another interface.
 
     \b
     Examples:
@@ -93,4 +94,6 @@ def ros(
     exporter = Exporter(run, rig, node, rate, allow_commands=allow_commands)
     click.echo(f"domain {domain}, {interface}: {', '.join(exporter.topics)}")
     exporter.export(clock)
-    click.echo(f"{directory}: the run has ended; `tautwave report {directory}` has its page")
+    click.echo(
+        f"{directory}: the run has ended; run `tautwave report {directory}` to write its report"
+    )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tautwave.session.trials.protocol import Trial
 
 
-@click.command(short_help="Run a user study by its protocol, and write its table.")
+@click.command(short_help="Run a user study from its protocol, and write its table.")
 @click.argument("protocol", type=PATH)
 @click.option("--participant", required=True, metavar="NAME", help="The participant, one word.")
 @out_option("Directory of runs and table; default: runs/NAME-OF-THE-PROTOCOL.")
@@ -35,11 +35,11 @@ def trials(
     attach: bool,
     allow_unwatched: bool,
 ) -> None:
-    """Run the trials of PROTOCOL for one participant, each a run of its own, and write trials.csv.
+    """Run the trials of PROTOCOL for one participant, one run per trial, and write trials.csv.
 
-    The order follows from the protocol's seed and the participant. Before each trial it waits for
-    Enter; the rig engages, the trial is an episode, and ends after its time or with `e`. Started
-    again, the study resumes after the last trial in the table.
+    The order is determined by the protocol's seed and the participant. Before each trial it waits
+    for Enter; then the rig engages and an episode runs until its time is up or `e` is pressed. If
+    restarted, the study resumes after the last trial in the table.
 
     \b
     Examples:
@@ -68,7 +68,7 @@ def trials(
             now = MonotonicClock()
             now.sleep_until(now.now_ns() + round(1e9 * found.break_s))
         click.prompt(
-            f"trial {trial.number} of {len(order)}; Enter begins it",
+            f"trial {trial.number} of {len(order)}; press Enter to start",
             default="", show_default=False, prompt_suffix=" ",
         )  # fmt: skip
 

@@ -14,23 +14,36 @@ PATIENCE_NS = 5_000_000_000
 """A run that is only beginning has no rows yet."""
 
 
-@click.command(short_help="Look at a run that is going on, in the terminal or as a page.")
+@click.command(short_help="Watch a run in progress, in the terminal or as a web page.")
 @run_argument
-@click.option("--once", is_flag=True, help="Show the newest row and end.")
-@click.option("--json", "as_json", is_flag=True, help="The newest row as JSON, every column; ends.")
+@click.option("--once", is_flag=True, help="Show the newest row and exit.")
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print the newest row as JSON, with all columns, and exit.",
+)
 @click.option("--page", is_flag=True, help="Serve a page: curves, states, buttons, tuning.")
 @click.option("--address", default="127.0.0.1", show_default=True, help="Where it is served.")
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, help="Its port; 0, the default: any."
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Port of the page; 0, the default: any free port.",
 )
-@click.option("--tls-cert", type=PATH, metavar="FILE", help="Certificate, if others reach it.")
-@click.option("--tls-key", type=PATH, metavar="FILE", help="Key of that certificate.")
-@click.option("--foxglove", is_flag=True, help="The page, and Foxglove's protocol beside it.")
+@click.option(
+    "--tls-cert",
+    type=PATH,
+    metavar="FILE",
+    help="TLS certificate; required if other machines can reach the page.",
+)
+@click.option("--tls-key", type=PATH, metavar="FILE", help="Private key of that certificate.")
+@click.option("--foxglove", is_flag=True, help="Serve the page and the Foxglove protocol.")
 @click.option(
     "--foxglove-origin",
     multiple=True,
     metavar="URL",
-    help="Origin of a Foxglove or Lichtblick that is a web page; repeat for more.",
+    help="Allowed web origin of Foxglove or Lichtblick; may be repeated.",
 )
 @wait_option
 def view(
@@ -46,13 +59,14 @@ def view(
     foxglove_origin: tuple[str, ...],
     wait: float,
 ) -> None:
-    """Show the run in DIR while it runs: one line a pair, and the loop's health.
+    """Show the run in DIR while it runs: one line per pair, and the loop's health.
 
-    Reads the run's shared memory and writes nothing into it: a viewer that is slow, stopped or
-    killed costs the run nothing. Ctrl-C ends the view, not the run.
+    Reads the run's shared memory without writing to it: a slow, stopped or killed viewer does not
+    affect the run. Ctrl-C ends the viewer, not the run.
 
-    With --page it serves a page on this machine and prints its address. Anyone with the whole
-    address, which ends in a token, may command the rig; without the token one may look, and stop.
+    With --page it serves a web page on this machine and prints its address. Anyone with the full
+    address, which ends in a token, can command the rig; without the token one can only view and
+    stop it.
 
     \b
     Examples:
@@ -85,7 +99,9 @@ def view(
         health = watch_health(rows, live, health)
         newest = rows[-1] if rows else newest
         if not newest and clock.now_ns() > patience:
-            raise RecordingError(f"{directory}: no rows come; is the run still opening its buses?")
+            raise RecordingError(
+                f"{directory}: no rows arrive; is the run still opening its buses?"
+            )
         if newest and as_json:
             echo_json(dict(zip(live.columns, newest, strict=True)))
             return
@@ -104,4 +120,6 @@ def view(
             if once:
                 return
         clock.sleep_until(clock.now_ns() + LOOK_NS)
-    click.echo(f"{directory}: the run has ended; `tautwave report {directory}` has its page")
+    click.echo(
+        f"{directory}: the run has ended; run `tautwave report {directory}` to write its report"
+    )

@@ -25,7 +25,7 @@ def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[
         _line("inertia", fit.inertia, mass),
         _line("viscous damping", fit.damping, f"{effort} s/{place}"),
         _line("Coulomb friction", fit.coulomb, effort),
-        _line("constant effort from outside", fit.bias, effort),
+        _line("constant external effort", fit.bias, effort),
         (
             "residual, rms",
             f"{fit.residual_rms:.3g}",
@@ -139,11 +139,11 @@ def lever_sections(result: Any, units: tuple[str, str], picture: Path) -> list[A
         _line("inertia", fit.inertia, mass),
         _line("viscous damping", fit.damping, f"{effort} s/{place}" if place else ""),
         _line("Coulomb friction", fit.coulomb, effort),
-        _line("constant effort from outside", fit.bias, effort),
+        _line("constant external effort", fit.bias, effort),
     ]
     if fit.outside is not None:
-        rows.append(_line(f"effort of a unit of {result.outside_name}", fit.outside, effort))
-        rows.append(_line("what it shows without an effort", result.sensor_offset, effort))
+        rows.append(_line(f"effort per unit of {result.outside_name}", fit.outside, effort))
+        rows.append(_line("reading at zero effort", result.sensor_offset, effort))
     rest = f"{1 - fit.explained:.2%} of variance"
     rows.append(("residual, rms", f"{fit.residual_rms:.3g}", rest, effort))
     step = f"{result.quantum:.5g}" if result.quantum > 0.0 else "none"

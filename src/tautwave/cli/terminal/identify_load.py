@@ -45,7 +45,7 @@ def load_sections(result: Any) -> list[Any]:
             strict=True,
         )
     ]
-    heads = ("joint", ">effort left, rms", ">with what was believed", ">Coulomb", ">viscous")
+    heads = ("joint", ">effort left, rms", ">versus the rig file", ">Coulomb", ">viscous")
     lines = [(line,) for line in result.snippet.splitlines()]
     return [
         Section(f"Moved slowly for {result.duration_s:g} s", (), ()),

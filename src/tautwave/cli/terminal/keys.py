@@ -35,7 +35,7 @@ def command_sources(
         The file cannot be read, a line is wrong, or there is no input that could end.
     """
     if end_with_input and commands != "-":
-        raise ConfigError("--end-with-input: only with --commands -")
+        raise ConfigError("--end-with-input requires --commands -")
     if commands is None:
         return (), ()
     if commands == "-":

@@ -45,7 +45,8 @@ def play_sound(path: Path) -> str:
             return f"not played: {'; '.join(reasons)}; the sound is in {path}"
         names = ", ".join(command[0] for command in PLAYERS)
         return (
-            f"not played: none of {names} on PATH, and no library sounddevice; "
+            f"not played: none of {names} on PATH, and the Python package "
+            "sounddevice is not installed; "
             f"the sound is in {path}"
         )
     return ""

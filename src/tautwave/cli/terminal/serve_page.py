@@ -59,7 +59,7 @@ def serve_page(
         foxglove=foxglove is not None,
         origins=foxglove or (),
     )
-    click.echo(f"{directory}: the run has ended; `tautwave report {directory}` has its page")
+    click.echo(f"{directory}: the run has ended; `tautwave report {directory}` writes its report")
 
 
 def require_view() -> None:

@@ -221,9 +221,9 @@ def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
     for axis, wall in (_dig(summary, "certificate", "walls") or {}).items():
         asked, rendered = wall.get("asked_stiffness"), wall.get("rendered_stiffness")
         if asked != rendered:
-            yield f"wall of {axis}: K = {asked:.6g} asked, {rendered:.6g} rendered"
+            yield f"wall of {axis}: K = {asked:.6g} requested, {rendered:.6g} rendered"
     if _dig(summary, "certificate", "allowed_uncertified"):
-        yield "not certified; --allow-uncertified ran it anyway"
+        yield "not certified; run anyway with --allow-uncertified"
     if _dig(summary, "certificate", "after_run", "invalidated"):
         yield "what this run measured invalidates its certificate:"
         yield from _dig(summary, "certificate", "after_run", "sentences") or ()

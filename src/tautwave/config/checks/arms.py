@@ -49,12 +49,15 @@ def _check_reflected(document: Document, parts: Parts) -> None:
     for (side, name), path in felt.items():
         pair, axis = (parts.pairs or {}).get(name), parts.axis("master", name)
         if side == "master":
-            document.report((*path, "reflect_load"), "the hand feels its own device; remove it")
+            document.report(
+                (*path, "reflect_load"),
+                "only for slave axes: the hand feels its own device anyway; remove it",
+            )
             return
         if document.get((*path, "compensate")) is False:
             document.report(
                 (*path, "reflect_load"),
-                "where the coupling carries the load the hand feels it anyway; remove it",
+                "the coupling carries this load, so the hand feels it anyway; remove it",
             )
             return
         if pair is not None and pair.offset == "at_engage":
@@ -66,15 +69,16 @@ def _check_reflected(document: Document, parts: Parts) -> None:
         if axis is not None and (axis.causality != "impedance" or divided(parts, axis)):
             document.report(
                 (*path, "reflect_load"),
-                f"master.{name} has to take effort in every cycle for the hand to feel a load",
+                f"master.{name} must be effort-controlled and served in every "
+                "cycle for the hand to feel a load",
             )
         if pair is not None:
             powers.add(pair.effective_force_scale * pair.position_scale)
     if powers and max(powers) - min(powers) > 1e-9 * max(powers):
         document.report(
             next(iter(felt.values())),
-            "the pairs scale power differently, so what the hand felt would have no potential; "
-            "give them one force_scale times position_scale",
+            "the pairs scale power differently, so the load felt by the hand would not be "
+            "conservative; give them the same force_scale times position_scale",
         )
 
 
@@ -86,11 +90,11 @@ def _check_payloads(document: Document, side: str) -> None:
         return
     why = ""
     if document.get(("operate",)) is None:
-        why = "people take up a payload by the command `payload`; write `operate: {}`"
+        why = "payloads are selected with the command `payload`; add `operate: {}`"
     elif not arm.compensate:
         why = "the coupling carries this arm (compensate: false), whatever it holds; remove it"
     elif arm.reflect_load:
-        why = "what the hand feels of an arm stays as it is; give payloads or reflect_load"
+        why = "payloads and reflect_load cannot be combined; remove one of them"
     if why:
         document.report(path, why)
 
@@ -105,7 +109,7 @@ def _check_simulated(document: Document, parts: Parts, side: str) -> None:
     drivers = {document.get(("buses", axis.bus, "driver")) for axis in axes}
     if len({axis.bus for axis in axes}) > 1 or not drivers <= {"loopback"}:
         document.report(
-            path, "an arm is simulated on one loopback bus with all of its axes; remove the "
+            path, "a simulated arm needs all of its axes on one loopback bus; remove the "
             "simulation block to run hardware"
         )  # fmt: skip
     if document.get(("simulation", "integrator")) is not None:
@@ -114,7 +118,7 @@ def _check_simulated(document: Document, parts: Parts, side: str) -> None:
         if side == "slave" and not isinstance(keys, Free | Spring | SolidWall | None):
             document.report(
                 ("simulation", "environment", name),
-                "the joints of an arm touch free, spring or wall environments only",
+                "the joints of an arm support free, spring or wall environments only",
             )
 
 
@@ -130,13 +134,17 @@ def _check_load(
     """Note a load where a chain has it already, or nothing can carry it."""
     arms = (document.get((side, "arm")), document.get(("simulation", "arms", side)))
     if any(arm is not None for arm in arms):
-        document.report(path, f"the chain of the {side}'s arm says what it weighs; remove it")
+        document.report(
+            path, f"the chain of the {side}'s arm already defines the weight; remove it"
+        )
     elif axis.causality != "impedance":
-        document.report(path, "the drive of an admittance axis carries its load itself; remove it")
+        document.report(
+            path, "the drive of an admittance axis compensates for the load itself; remove it"
+        )
     elif divided(parts, axis):
-        document.report(path, "a load is carried in every cycle; leave out the divisor of its bus")
+        document.report(path, "load compensation needs every cycle; remove the divisor of its bus")
     elif document.get(("scene",)) is not None:
-        document.report(path, "loads are carried beside a coupling; a scene has none")
+        document.report(path, "load compensation needs a coupling, and a rig with a scene has none")
     elif axis.kind == "linear" and (load.cosine or load.sine):
         document.report(path, "cosine and sine are for rotary axes; a linear one takes constant")
 
@@ -149,7 +157,9 @@ def _check_arm(
         return
     for number, row in enumerate(keys.dh or ()):
         if not is_inertia(*row.inertia):
-            document.report((*path, "dh", number, "inertia"), "no body has this inertia")
+            document.report(
+                (*path, "dh", number, "inertia"), "not physically possible for a rigid body"
+            )
     at = (*path, "urdf" if keys.urdf is not None else "dh")
     try:
         links, _ = chain_links(keys)

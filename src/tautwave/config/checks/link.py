@@ -15,11 +15,13 @@ def check_link(document: Document, parts: Parts, law: CouplingPlugin | None) -> 
     if document.get(("link",)) is None:
         return
     if document.get(("scene",)) is not None:
-        document.report(("link",), "joins two sides, and a scene has one; remove it")
+        document.report(
+            ("link",), "connects two sides, and a rig with a scene has only one; remove it"
+        )
         return
     if law is not None and not law.over_link and parts.coupling is not None:
         document.report(
-            ("link",), f"law {parts.coupling.law} does not work over a network; use another one"
+            ("link",), f"law {parts.coupling.law} does not work over a network; use another law"
         )
     if parts.coupling is not None and parts.coupling.delay_s > 0.0:
         document.report(
@@ -34,7 +36,9 @@ def _check_keys(document: Document, link: Link) -> None:
     if link.trace is not None:
         for key in DRAWN:
             if getattr(link, key) != Link.model_fields[key].default:  # the kept rig names them all
-                document.report(("link", key), "a trace takes its place; remove one of them")
+                document.report(
+                    ("link", key), "cannot be combined with a trace; remove one of them"
+                )
         require_file(document, ("link", "trace"), link.trace)
     if 0.0 < link.outage_every_s <= link.outage_s:
         document.report(
@@ -46,7 +50,8 @@ def _check_keys(document: Document, link: Link) -> None:
     if link.play_out == "fixed" and link.silence_s < deepest:
         document.report(
             ("link", "silence_s"),
-            f"a side would hold with waves still to play out; give the depth, {deepest:g} s, or "
+            "a side would hold while waves are still to be played out; give "
+            f"the depth, {deepest:g} s, or "
             f"more (got {link.silence_s:g})",
         )
     if link.lost_s <= link.delay_s + link.silence_s:

@@ -12,14 +12,16 @@ def check_operate(document: Document, parts: Parts) -> None:
     if document.get(("operate",)) is None:
         return
     if document.get(("scene",)) is not None:
-        document.report(("operate",), "engages pairs, and a scene has none; remove it")
+        document.report(("operate",), "engages pairs, and a rig with a scene has none; remove it")
     if document.get(("sites",)) is not None:
         if document.get(("operate", "scales")):
-            text = "two sites cannot change both ends in one slot; remove it"
+            text = "two sites cannot change both ends in the same slot; remove it"
             document.report(("operate", "scales"), text)
         for key, field in Aligning.model_fields.items():
             if document.get(("operate", key)) not in (None, field.default):  # as in a kept rig
-                document.report(("operate", key), f"with two sites it is sites.{key}; remove it")
+                document.report(
+                    ("operate", key), f"with two sites, use sites.{key} instead; remove it"
+                )
     if document.get(("loop", "engine")) == "compiled":
         document.report(("loop", "engine"), "an operated rig runs in plain Python: remove it")
     for name, bus in parts.buses.items():
@@ -33,6 +35,6 @@ def check_operate(document: Document, parts: Parts) -> None:
         if slave.causality == "admittance":
             document.report(
                 ("coupling", "pairs", name, "offset"),
-                "a slave that takes velocity is not aligned: write at_engage "
+                "a velocity-controlled slave is not aligned: write at_engage "
                 f"(got {pair.offset:g})",
             )

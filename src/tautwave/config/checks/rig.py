@@ -70,7 +70,7 @@ def _check_buses(document: Document, parts: Parts) -> None:
     scene = document.get(("scene",)) is not None
     if scene and document.get(("loop", "engine")) == "compiled":
         document.report(
-            ("loop", "engine"), "compiles couplings; what steps a scene is scene.engine"
+            ("loop", "engine"), "applies to couplings only; for a scene use scene.engine"
         )
     sides = 1 if scene else len(SIDES)
     whole = len(parts.sides) == sides and used <= set(parts.buses)
@@ -87,7 +87,7 @@ def _check_divisor(document: Document, parts: Parts, name: str, divisor: int) ->
     if part is not None and not part.divisors:
         document.report(
             path,
-            f"{_word(parts)} needs both sides at one rate; use law wave, or leave this out and "
+            f"{_word(parts)} needs both sides at the same rate; use law wave, or remove this and "
             f"lower rate_hz (got {divisor})",
         )
     rate = parts.rate_hz
@@ -141,7 +141,7 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
     if axis.position_noise_autocorrelation and axis.position_noise == 0.0:
         document.report(
             (*path, "position_noise_autocorrelation"),
-            "is the colour of a noise that is 0; give position_noise, or remove it",
+            "needs a nonzero position_noise; give it, or remove this",
         )
     if axis.causality == "impedance":
         _check_effort_step(document, parts, path, axis)
@@ -164,7 +164,8 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             document.report((*path, "compensation"), "only for impedance axes; remove it")
         if axis.effort_sensor is not None:
             document.report(
-                (*path, "effort_sensor"), "an axis that takes velocity measures effort; remove it"
+                (*path, "effort_sensor"),
+                "a velocity-controlled axis measures effort anyway; remove it",
             )
         for key in ("damping", "coulomb"):
             if getattr(axis, key).value > 0.0:
@@ -180,8 +181,8 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             if getattr(axis, key) is None:
                 document.report(
                     (*path, key),
-                    f"required key is missing (bus {axis.bus!r} moves motors, so every limit "
-                    "has to be given)",
+                    f"required key is missing (bus {axis.bus!r} moves motors, so every limit is "
+                    "required)",
                 )
 
 
@@ -193,13 +194,13 @@ def _check_spending(
     if both > 1.0:
         document.report(
             (*path, "inertia_coulomb"),
-            f"spends coulomb.lower twice: with coulomb it is {both:g} times what the device surely "
-            "has; both together are at most 1",
+            f"exceeds coulomb.lower: together with coulomb it uses {both:g} times that; their sum "
+            "must be at most 1",
         )
     if keys.inertia > 0.0 and axis.velocity_limit is None:
         document.report(
             (*path, "inertia"),
-            "nothing bounds what it may give out without velocity_limit; give it",
+            "without velocity_limit its energy output is unbounded; give velocity_limit",
         )
 
 
@@ -210,26 +211,26 @@ def _check_follower(
     if plugin is not None and not plugin.positions:
         document.report(
             (*path, "follower"),
-            f"the driver of bus {axis.bus!r} commands no positions; use a device that takes "
-            "velocity or effort there, or put this one on a bus whose driver does (loopback, "
-            "dynamixel)",
+            f"the driver of bus {axis.bus!r} does not command positions; use a velocity- or "
+            "effort-controlled device there, or put this one on a bus whose driver does "
+            "(loopback, dynamixel)",
         )
     assert axis.follower is not None
     if axis.follower.stiffness * axis.encoder_quantum > axis.effort_limit:
         document.report(
             (*path, "follower", "stiffness"),
-            "the goal would reach effort_limit within a step of the encoder, and stay with the "
-            f"device; at most {axis.effort_limit / axis.encoder_quantum:.3g}",
+            "one encoder step would exceed effort_limit, so the goal could not leave the device; "
+            f"use at most {axis.effort_limit / axis.encoder_quantum:.3g}",
         )
     if axis.environment_stiffness_upper is not None:
         document.report(
             (*path, "environment_stiffness_upper"),
-            "a follower's own spring stands in front of what it touches; remove it",
+            "the follower's own spring is in series with the environment; remove it",
         )
     for key in ("effort_quantum", "velocity_quantum"):
         if getattr(axis, key) > 0.0:
             document.report(
-                (*path, key), "a follower measures no effort and takes no velocity; remove it"
+                (*path, key), "a follower neither measures effort nor takes velocity; remove it"
             )
 
 
@@ -239,15 +240,15 @@ def _check_effort_step(document: Document, parts: Parts, path: tuple[str, ...], 
     if step >= limit:
         document.report(
             (*path, "effort_quantum"),
-            f"is not below effort_limit {limit:g}: every effort would be 0 (got {step:g})",
+            f"must be below effort_limit {limit:g}, or every effort would be 0 (got {step:g})",
         )
     elif axis.effort_rate_limit is not None and bus is not None and parts.rate_hz is not None:
         rate = parts.rate_hz / bus.divisor
         if axis.effort_rate_limit < step * rate:
             document.report(
                 (*path, "effort_rate_limit"),
-                f"allows less than one effort_quantum {step:g} a period, so the effort would stay "
-                f"0; give {step * rate:.4g} or more (got {axis.effort_rate_limit:g})",
+                f"allows less than one effort_quantum ({step:g}) per period, so the effort would "
+                f"stay 0; give {step * rate:.4g} or more (got {axis.effort_rate_limit:g})",
             )
 
 
@@ -260,7 +261,7 @@ def _check_filter(document: Document, parts: Parts, side: str, name: str, axis: 
         return
     document.report(
         (side, "axes", name, "velocity_filter_s"),
-        f"nothing reads it here: the ports of {_word(parts)} observe the velocity themselves, "
+        f"not used here: the ports of {_word(parts)} observe the velocity themselves, "
         f"see coupling.pairs.{name}.pole_{side}; remove it",
     )
 
@@ -280,7 +281,7 @@ def _check_coupling(document: Document, parts: Parts) -> None:
         low, high = math.floor(samples) / rate, math.ceil(samples) / rate
         document.report(
             ("coupling", "delay_s"),
-            f"should be a whole number of samples at {rate:g} Hz; nearest: {low:.12g} or "
+            f"must be a whole number of samples at {rate:g} Hz; nearest: {low:.12g} or "
             f"{high:.12g} (got {show_value(coupling.delay_s)})",
         )
 
@@ -303,7 +304,7 @@ def _check_names(document: Document, parts: Parts) -> None:
             if name not in parts.pairs and not _meant_by_a_pair(parts, side, name):
                 document.report(
                     (side, "axes", name),
-                    f"not coupled to anything; add coupling.pairs.{name} or remove the axis",
+                    f"not coupled; add coupling.pairs.{name} or remove the axis",
                 )
 
 

@@ -96,10 +96,10 @@ def _check_twice(document: Document, scene: Scene, known: list[str]) -> None:
     for kind, block in (("strings", scene.strings), ("ports", scene.ports)):
         for name in block:
             if known.count(name) > 1:
-                document.report(("scene", kind, name), f"another node is named {name!r} already")
+                document.report(("scene", kind, name), f"another node is already named {name!r}")
     for name in scene.grounds:
         if known.count(name) > 1:
-            document.report(("scene", "grounds", name), f"another node is named {name!r} already")
+            document.report(("scene", "grounds", name), f"another node is already named {name!r}")
 
 
 def check_between(document: Document, scene: Scene | Scene3d, name: str) -> None:
@@ -110,7 +110,7 @@ def check_between(document: Document, scene: Scene | Scene3d, name: str) -> None
     sizes = {scene.size_of(one), scene.size_of(two)} - {1}
     if link.chain:
         if one != two or scene.size_of(one) < 2:
-            document.report(path, "a chain runs within one group of masses: name it twice")
+            document.report(path, "a chain links one group of masses: name the same group twice")
     elif one == two:
         document.report(path, f"both ends are at {one!r}; for a chain write chain: true")
     elif len(sizes) > 1:
@@ -146,7 +146,8 @@ def _check_ports(document: Document, parts: Parts, scene: Scene) -> None:
     for name in axes:
         if name not in scene.ports:
             document.report(
-                ("master", "axes", name), f"not in the scene; add scene.ports.{name}, or remove it"
+                ("master", "axes", name),
+                f"not used by the scene; add scene.ports.{name}, or remove it",
             )
     heard = scene.output.port
     if heard is not None and heard not in scene.ports:
@@ -163,7 +164,9 @@ def _check_spring(document: Document, path: KeyPath, port: ScenePort) -> None:
 def _check_with_device(document: Document, scene: Scene, curved: list[str]) -> None:
     path: KeyPath = ("scene", "discretise")
     if scene.scheme == "auto":
-        document.report(path, "with_device needs a named scheme: its numbers are chosen for it")
+        document.report(
+            path, "with_device needs an explicit scheme, because its parameters depend on it"
+        )
     if len(scene.ports) > 1:
         document.report(path, f"with_device is for one port (there are {len(scene.ports)})")
     others = [f"links.{name}" for name in curved] + [f"strings.{name}" for name in scene.strings]

@@ -121,7 +121,7 @@ def _check_names(document: Document, scene: Scene3d) -> None:
             grouped = kind != "grounds"
             nodes = {name, *scene.nodes_of(name)} if grouped else {name}
             for node in sorted(nodes & seen)[:1]:
-                document.report(("scene", kind, name), f"another node is named {node!r} already")
+                document.report(("scene", kind, name), f"another node is already named {node!r}")
             seen |= nodes
 
 
@@ -131,7 +131,7 @@ def _check_links(document: Document, scene: Scene3d) -> None:
         check_between(document, scene, name)
         one, two = link.between
         if link.chain and one in scene.tissues:
-            document.report(("scene", "links", name, "chain"), "only masses are linked in a row")
+            document.report(("scene", "links", name, "chain"), "only masses can be linked in a row")
         still = {end for end in (one, two) if end in fixed or end in scene.rim_of(end)}
         if still == {one, two}:
             document.report(("scene", "links", name, "between"), "neither end can move")
@@ -164,7 +164,7 @@ def _check_ports(document: Document, parts: Parts, scene: Scene3d) -> None:
                     f"Axes: {', '.join(axes) or 'none'}",
                 )
             if axis_name in used:
-                document.report(where, f"axis {axis_name!r} already moves another port")
+                document.report(where, f"axis {axis_name!r} is already used by another port")
             used.add(axis_name)
             axis = axes.get(axis_name)
             if axis is not None and axis.causality == "admittance":
@@ -181,7 +181,7 @@ def _check_ports(document: Document, parts: Parts, scene: Scene3d) -> None:
         if axis_name not in used:
             document.report(
                 ("master", "axes", axis_name),
-                "not in the scene; add it to the axes of a port, or remove it",
+                "not used by the scene; add it to the axes of a port, or remove it",
             )
     heard = scene.output.port
     if heard is not None and heard not in used:
@@ -223,13 +223,15 @@ def _check_tool(document: Document, parts: Parts, scene: Scene3d, name: str) -> 
     """Note mistakes of a rigid tool."""
     port, path = scene.ports[name], ("scene", "ports", name)
     if port.turns is not None and port.points is None:
-        document.report((*path, "points"), "required key is missing: a turning tool has points")
+        document.report((*path, "points"), "required key is missing: a rotating tool needs points")
     if port.points is not None and port.to is not None:
-        document.report((*path, "to"), "of a tool each point is linked: a spring under links")
+        document.report(
+            (*path, "to"), "a tool is coupled through its points: define springs under links"
+        )
     for axis_name in port.turns or {}:
         axis = parts.sides.get("master", {}).get(axis_name)
         if axis is not None and axis.kind != "rotary":
-            document.report((*path, "turns", axis_name), f"a {axis.kind} axis turns nothing")
+            document.report((*path, "turns", axis_name), f"a {axis.kind} axis cannot rotate a tool")
     _check_apart(document, (*path, "turns"), list((port.turns or {}).values()))
 
 

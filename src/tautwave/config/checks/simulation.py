@@ -57,7 +57,7 @@ def _check_needed(document: Document, parts: Parts) -> None:
             document.report(
                 ("buses", bus, "driver"),
                 f"driver {driver!r} has no hardware and needs a 'simulation' block; "
-                "'simulation: {}' uses the rig's own parameters as the truth",
+                "'simulation: {}' simulates the rig's own parameters",
             )
             return
 
@@ -170,8 +170,6 @@ def _check_reference(document: Document, parts: Parts, path: KeyPath, reference:
     elif isinstance(reference, Recording):
         check_recording(document, path, reference, ("column", "time_column"))
     elif isinstance(reference, Policy) and document.get(("operate",)) is None:
-        document.report(
-            (*path, "type"), "a policy leads rigs with an `operate` block only; write operate: {}"
-        )
+        document.report((*path, "type"), "a policy requires an `operate` block; add operate: {}")
     elif isinstance(reference, Intent):
         check_recording(document, path, reference, ("position", "effort", "time_column"))

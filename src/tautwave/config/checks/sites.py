@@ -17,7 +17,8 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
         return
     if set(document.get(("sites",))) == {"here"}:
         document.report(
-            ("sites", "here"), "the rig file has no sites block: who serves, and at which address"
+            ("sites", "here"),
+            "the rig file has no sites block; add one with the serving site and its address",
         )
         return
     if document.get(("scene",)) is not None:
@@ -26,12 +27,14 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
     if getattr(sites, sites.serves).address is None:
         document.report(
             ("sites", sites.serves),
-            f"address: required key is missing, for {sites.serves} serves: the other site dials it",
+            f"address: required key is missing: {sites.serves} serves, and "
+            "the other site connects to it",
         )
     shared = buses_of(document, "master") & buses_of(document, "slave")
     for bus in sorted(shared):
         document.report(
-            ("buses", bus), "has axes of both sides, which two machines cannot share; use two buses"
+            ("buses", bus),
+            "has axes of both sides, but two machines cannot share a bus; use two buses",
         )
     coupling = parts.coupling
     if coupling is None:
@@ -40,7 +43,7 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
     if law is not None and not law.at_sites and not kept:
         document.report(
             ("sites",),
-            f"law {coupling.law} without an account works in one process only; add "
+            f"law {coupling.law} without an account runs in one process only; add "
             "coupling.account, or use law wave",
         )
     for name, pair in (parts.pairs or {}).items():
@@ -48,11 +51,13 @@ def check_sites(document: Document, parts: Parts, law: CouplingPlugin | None) ->
             if value == "auto" and not key.endswith(OF_ONE_END):
                 document.report(
                     ("coupling", "pairs", name),
-                    f"{key}: two sites need a value, for auto looks at both devices",
+                    f"{key}: with two sites, auto is not possible because it depends "
+                    "on both devices; give a value",
                 )
     if document.get(("loop", "engine")) == "compiled" and document.get(("sites", "here")) in SIDES:
-        document.report(("loop", "engine"), "one of two sites runs in Python only; remove it")
+        document.report(("loop", "engine"), "a site runs in Python only; remove it")
     if document.get(("require",)) == "coupled_stable":
         document.report(
-            ("require",), "a site knows neither the other's device nor the network; use passive"
+            ("require",),
+            "with two sites, the other device and the network are unknown; use passive",
         )

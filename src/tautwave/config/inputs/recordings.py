@@ -15,8 +15,8 @@ from tautwave.recordings import RUN
 def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:
     """Return the absolute path of a recording, None if there is none.
 
-    A relative path starts at the rig file's folder; one given with `--set` is tried in the current
-    folder first, where the shell completes it.
+    A relative path is resolved against the rig file's directory; one given with `--set` is
+    tried in the current folder first, where the shell completes it.
     """
     for candidate in _candidates(document, path, file):
         try:

@@ -105,7 +105,8 @@ def check_sound(document: Document, path: KeyPath, force: SoundForce, rate_hz: f
     if found is None:
         document.report(
             at,
-            f"no such file, {force.file} (a relative one starts at the rig file's folder); "
+            f"no such file, {force.file} (relative paths are resolved "
+            "against the rig file's directory); "
             f"give another with --set {show_path(at)}=PATH",
         )
         return
@@ -158,7 +159,7 @@ def _chunks(raw: bytes) -> tuple[_Layout, bytes]:
                 raise ConfigError("is corrupt: its format chunk does not precede its data")
             if size // (layout.bits // 8) <= MOST_SAMPLES and len(body) < size:
                 raise ConfigError(
-                    f"is truncated: {size} bytes of sound are announced, {len(body)} are there"
+                    f"is truncated: {size} bytes are expected, but only {len(body)} are present"
                 )
             return layout, body
         at += 8 + size + size % 2

@@ -78,16 +78,15 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
         if other is not joint:
             raise reader.wrong(
                 joint.node.line,
-                f"joint {joint.name!r}: link {joint.child!r} hangs on joint {other.name!r} (line "
-                f"{other.node.line}) too: a closed chain; only serial ones are read",
+                f"joint {joint.name!r}: link {joint.child!r} is also the child of joint "
+                f"{other.name!r} (line {other.node.line}): closed chains are not supported",
             )
         below[joint.parent].append(joint)
     roots = [name for name in links if name not in above]
     if len(roots) > 1:
         raise reader.wrong(
             links[roots[1]].line,
-            f"link {roots[1]!r} is joined to nothing that {roots[0]!r} is joined to; one tree is "
-            "needed",
+            f"link {roots[1]!r} is not connected to {roots[0]!r}; the links must form one tree",
         )
     order = roots[:1]
     for name in order:
@@ -97,7 +96,7 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
         if joint.child not in reached:
             raise reader.wrong(
                 joint.node.line,
-                f"joint {joint.name!r} closes a loop; only serial chains are read",
+                f"joint {joint.name!r} closes a loop; only serial chains are supported",
             )
     if tip is not None and tip not in links:
         raise ConfigError(f"{path}: there is no link {tip!r}. Links: {', '.join(links)}")
@@ -116,7 +115,7 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
         if joint.kind != "fixed":
             limits.append(_limits(reader, joint))
     if not limits:
-        raise reader.wrong(robot.line, "has no joint that moves between its base and its tip")
+        raise reader.wrong(robot.line, "has no moving joint between its base and its tip")
     return UrdfChain(tuple(made), tuple(limits))
 
 
@@ -127,7 +126,7 @@ def _joint(reader: UrdfReader, node: Node, links: Mapping[str, Node]) -> _Joint:
         raise reader.wrong(node.line, f"joint {name!r} is {kind}; a chain has {known} joints")
     if node.all("mimic"):
         raise reader.wrong(
-            node.line, f"joint {name!r} mimics another: not a serial chain; make it fixed"
+            node.line, f"joint {name!r} mimics another, which a serial chain cannot; make it fixed"
         )
     ends = []
     for which in ("parent", "child"):
@@ -165,7 +164,7 @@ def _route(
                 raise reader.wrong(
                     joint.node.line,
                     f"joint {joint.name!r} branches off at link {at!r}: only serial chains are "
-                    "read; make the moving joints of all other branches fixed",
+                    "supported; fix the moving joints of all other branches",
                 )
         if chosen is not None:
             route.append(chosen)
@@ -199,7 +198,7 @@ def _axis(reader: UrdfReader, joint: _Joint) -> Vector:
     size = math.hypot(x, y, z)
     if not 1e-6 < size < math.inf:
         line = joint.node.line if given is None else given.line
-        raise reader.wrong(line, f"joint {joint.name!r}: its axis has no direction")
+        raise reader.wrong(line, f"joint {joint.name!r}: its axis vector is zero")
     return x / size, y / size, z / size
 
 

@@ -58,7 +58,8 @@ class UrdfReader:
 
         def doctype(*_: Any) -> None:
             raise self.wrong(
-                parser.CurrentLineNumber, "declares a document type; remove it, URDF has none"
+                parser.CurrentLineNumber,
+                "declares a document type, which URDF does not have; remove it",
             )
 
         parser.StartElementHandler = start
@@ -71,7 +72,7 @@ class UrdfReader:
             raise self.wrong(err.lineno, f"is not XML: {words}") from err
         robots = top.all("robot")
         if not robots:
-            raise self.wrong(1, "has no <robot>; a URDF file is needed, xacro has to be run first")
+            raise self.wrong(1, "has no <robot>; a URDF file is required (run xacro first)")
         return robots[0]
 
     def one(self, node: Node, tag: str) -> Node | None:
@@ -136,7 +137,9 @@ class UrdfReader:
             about = tuple(self.number(inertia, key, 0.0) for key in keys)
         xx, yy, zz, xy, xz, yz = about
         if inertia is not None and not is_inertia(xx, yy, zz, xy, xz, yz):
-            raise self.wrong(inertia.line, f"link {name!r}: no body has this inertia")
+            raise self.wrong(
+                inertia.line, f"link {name!r}: not physically possible for a rigid body"
+            )
         place, turn = self.origin(inertial)
         matrix = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
         return placed(Body(m, inertia=matrix), turn, place)

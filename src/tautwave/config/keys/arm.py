@@ -25,9 +25,9 @@ class DhRow(Block):
     """
 
     kind: Literal["revolute", "prismatic"] = Field(
-        default="revolute", description="prismatic: the joint's position adds to `d`."
+        default="revolute", description="For prismatic joints, the position adds to `d`."
     )
-    theta: float = Field(default=0.0, description="[rad] Turn about z at position 0.")
+    theta: float = Field(default=0.0, description="[rad] Rotation about z at position 0.")
     d: float = Field(default=0.0, description="[m] Shift along z.")
     a: float = Field(default=0.0, description="[m] Shift along x.")
     alpha: float = Field(default=0.0, description="[rad] Turn about x.")
@@ -51,28 +51,28 @@ class Chain(Block):
 
     urdf: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
-        description="URDF file with the chain; a relative path starts at the rig file's folder. "
+        description="URDF file with the chain; a relative path is resolved against "
+        "the rig file's directory. "
         "Either this or `dh`.",
     )
     tip: str | None = Field(
-        default=None, description="URDF link at the end; default: behind the last moving joint."
+        default=None,
+        description="URDF link of the tip; default: the link after the last moving joint.",
     )
     dh: tuple[DhRow, ...] | None = Field(
         default=None, description="The chain as rows of classic Denavit-Hartenberg parameters."
     )
     gravity: Point = Field(
-        default=(0.0, 0.0, -9.80665), description="[m/s^2] In the axes of the chain's base."
+        default=(0.0, 0.0, -9.80665), description="[m/s^2] In the base frame of the chain."
     )
-    payload: Payload | None = Field(
-        default=None, description="What the tip holds; default: nothing."
-    )
+    payload: Payload | None = Field(default=None, description="Payload at the tip; default: none.")
 
     @model_validator(mode="after")
     def _check_source(self) -> Self:
         if (self.urdf is None) == (not self.dh):
-            raise PydanticCustomError("order", "give either urdf or dh, with a row for each axis")
+            raise PydanticCustomError("order", "give either urdf, or dh with one row for each axis")
         if self.tip is not None and self.urdf is None:
-            raise PydanticCustomError("order", "tip is the name of a URDF link; remove it")
+            raise PydanticCustomError("order", "tip applies to a URDF only; remove it")
         return self
 
 
@@ -81,12 +81,12 @@ class Arm(Chain):
 
     compensate: bool = Field(
         default=True,
-        description="Carry the arm's weight by efforts beside the coupling's; false: the coupling "
+        description="Compensate for the arm's weight outside the coupling; false: the coupling "
         "carries it.",
     )
     reflect_load: bool = Field(default=False, description=REFLECTED)
     payloads: dict[Name, Payload] = Field(
         default_factory=dict,
-        description="Payloads that the command `payload NAME` of an operated rig takes up in "
-        "place of `payload`, while the arm stands.",
+        description="Payloads that the command `payload NAME` of an operated rig selects instead "
+        "of `payload` while the arm is at rest.",
     )

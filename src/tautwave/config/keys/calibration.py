@@ -14,13 +14,14 @@ class AxisCalibration(Block):
 
     device: dict[str, str] = Field(
         default_factory=dict,
-        description="What the device reported of itself; one that reports otherwise is refused.",
+        description="Identity reported by the device; a device with a "
+        "different identity is rejected.",
     )
     zero: float = Field(
         default=0.0, description="[rad | m] The device's own position where the axis is at 0."
     )
     direction: Literal[1, -1] = Field(
-        default=1, description="-1: the device counts against the axis."
+        default=1, description="-1: the device counts in the opposite direction."
     )
 
 
@@ -28,12 +29,14 @@ class Calibration(Block):
     """The calibration that a rig was given by `tautwave calibrate`."""
 
     file: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, description="Its file; a relative path starts at the rig file's folder."
+        default=None,
+        description="Calibration file; a relative path starts at the rig file's directory.",
     )
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = Field(
-        default=None, description="SHA-256 of that file; another one is refused."
+        default=None, description="SHA-256 of that file; any other file is rejected."
     )
     axes: dict[str, AxisCalibration] = Field(
         default_factory=dict,
-        description="Its contents by full name of the axis, in the rig.yaml of a run.",
+        description="Contents of that file by full axis name, as resolved "
+        "in the rig.yaml of a run.",
     )

@@ -21,7 +21,7 @@ PartName = Annotated[
 PartHash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 PART_HASH = Field(
     default=None,
-    description="SHA-256 of the part's file, as a run has resolved it; another text is refused.",
+    description="SHA-256 of the part's file as resolved by a run; any other text is rejected.",
 )
 
 

@@ -40,7 +40,7 @@ class Wall(Block):
     damping: NonNegative = Field(
         default=0.0,
         json_schema_extra=tuned("engaged"),
-        description="[N m s/rad | N s/m] Steadies the wall at the cost of passivity margin.",
+        description="[N m s/rad | N s/m] Damps the wall at the cost of passivity margin.",
     )
     side: Literal["above", "below"] = Field(
         default="above", description="above: the wall fills everything above `position`."
@@ -82,15 +82,17 @@ class Pair(Block):
         ge=1e-9,
         le=1e9,
         json_schema_extra=tuned("between runs"),
-        description="Slave motion per master motion; has a unit (m/rad) and is required if the "
-        "kinds differ.",
+        description="Slave motion per master motion; required, with a unit (m/rad), if the kinds "
+        "differ.",
     )
     force_scale: Positive | None = Field(
         default=None,
         json_schema_extra=tuned("between runs"),
         description="Slave effort per master effort; default 1/position_scale, which keeps power.",
     )
-    sign: Literal[1, -1] = Field(default=1, description="-1: the slave moves the other way.")
+    sign: Literal[1, -1] = Field(
+        default=1, description="-1: the slave moves in the opposite direction."
+    )
     offset: Annotated[Literal["at_engage"] | float, BeforeValidator(_check_offset)] = Field(
         default="at_engage",
         description="[rad | m, master] Master position that maps to slave position 0; at_engage: "
@@ -139,7 +141,7 @@ class Account(Block):
 
     leader: Literal["master", "slave"] = Field(
         default="master",
-        description="The side that fills the other's tank by resisting its own motion.",
+        description="Side that fills the other side's tank by damping its own motion.",
     )
     reserve: Positive | None = Field(
         default=None,
@@ -148,27 +150,28 @@ class Account(Block):
     )
     tank: Positive | None = Field(
         default=None,
-        description="[J] What a full tank holds, at least four reserves: energy that was taken and "
-        "may be given later, at this end or the other, beside the claim; default: a fifth of the "
-        "device's kinetic energy at its velocity limit.",
+        description="[J] What a full tank holds, at least four reserves: absorbed energy that may "
+        "be returned later, at this end or the other, in addition to the claim; "
+        "default: a fifth of the device's kinetic energy at its velocity limit.",
     )
     kept: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0,
-        description="Share of a full tank that the follower keeps, and a reserve at least, while "
-        "the leader's is empty; half full the leader's takes nothing. Less than 1 calms laws that "
-        "give back at the leader what a spring gave at the follower; 1 suits laws that give at the "
-        "follower, such as position_force.",
+        description="Share of a full tank that the follower keeps (at least one reserve) while "
+        "the leader's is empty; half full, the leader's takes nothing. Less than 1 "
+        "damps laws that return at the leader what a spring gave at the follower; 1 "
+        "suits laws that give at the follower, such as position_force.",
     )
     level_damping: NonNegative | None = Field(
         default=None,
-        description="[N m s/rad | N s/m] Of the leader, while the other's tank is empty; default: "
+        description="[N m s/rad | N s/m] Damping of the leader while the "
+        "other's tank is empty; default: "
         "inertia.lower / (50 T).",
     )
     level_friction: NonNegative | None = Field(
         default=None,
-        description="[N m | N] Of the leader, while the other's tank is empty: friction at any "
-        "speed, and a drag of 2 inertia.lower / 10 ms beside it, for laws that leave the leader "
-        "alone, such as position_force; there by default 2 coulomb.value, at least 0.01 "
+        description="[N m | N] Friction of the leader while the other's tank is empty, plus a "
+        "drag of 2 inertia.lower / 10 ms, for laws that do not resist the leader, "
+        "such as position_force; default there: 2 coulomb.value, at least 0.01 "
         "effort_limit, else 0: neither.",
     )
 
@@ -187,8 +190,8 @@ class Coupling(Block):
     )
     account: Account | None = Field(
         default=None,
-        description="Makes any law that has no account of its own passive, by an energy account; "
-        "`{}` takes the defaults.",
+        description="Makes any law without its own account passive by an energy account; `{}` "
+        "uses the defaults.",
     )
     engage_ramp_s: NonNegative = Field(default=0.2, description="[s] Fade-in time of the coupling.")
     release_ramp_s: NonNegative = Field(
@@ -198,8 +201,7 @@ class Coupling(Block):
     defaults: dict[str, Any] = Field(
         default_factory=dict,
         exclude=True,
-        description="Keys of a pair, for every pair that does not have its own; merged into them "
-        "when the file is read.",
+        description="Default keys for every pair; a pair's own keys take precedence.",
     )
 
     @classmethod
@@ -337,14 +339,15 @@ class Loop(Block):
 
     missing_limit: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=5,
-        description="Periods in a row without a sample of an axis that trigger a safety stop; "
-        "between missing samples, skipped slots count too. A wave port claims what a motor may do "
-        "meanwhile.",
+        description="Consecutive periods without a sample of an axis that trigger a safety stop; "
+        "skipped slots between missing samples count too. A wave port's claim covers "
+        "what the motor may do meanwhile.",
     )
     overrun_limit: Annotated[int, Field(ge=1, le=1_000_000)] | None = Field(
         default=None,
-        description="Consecutive skipped slots that trigger a safety stop; null: those of 20 ms, "
-        "at least 2. A wave port claims what a motor may do meanwhile.",
+        description="Consecutive skipped slots that trigger a safety stop; null: as many as fit "
+        "in 20 ms, at least 2. A wave port's claim covers what the motor may do "
+        "meanwhile.",
     )
     fifo_priority: Annotated[int, Field(ge=0, le=99)] = Field(
         default=50, description="Real-time priority to request; 0: none."
@@ -352,9 +355,7 @@ class Loop(Block):
     cpu: Annotated[int, Field(ge=0)] | None = Field(
         default=None, description="CPU core to pin the loop to; none: any."
     )
-    lock_memory: bool = Field(
-        default=True, description="Lock memory so that it is never paged out."
-    )
+    lock_memory: bool = Field(default=True, description="Lock memory to prevent page faults.")
     ring_rows: Annotated[int, Field(ge=64, le=1 << 20)] = Field(
         default=8192, description="Rows buffered between the loop and the writer process."
     )

@@ -25,7 +25,7 @@ class Bus(Block):
 
     driver: str = Field(description="Name of an installed driver; `tautwave drivers` lists them.")
     options: dict[str, Any] = Field(
-        default_factory=dict, description="The driver's own options, checked by the driver."
+        default_factory=dict, description="Options of the driver, checked by the driver."
     )
     divisor: Annotated[int, Field(ge=1, le=50)] = Field(
         default=1,
@@ -35,8 +35,7 @@ class Bus(Block):
     defaults: dict[str, Any] = Field(
         default_factory=dict,
         exclude=True,
-        description="Keys of an axis, for every axis on this bus that does not have its own; "
-        "merged into them when the file is read.",
+        description="Default keys for every axis on this bus; an axis' own keys take precedence.",
     )
 
 
@@ -98,30 +97,32 @@ class Compensation(Block):
     """What the motor takes off the hand, as shares of what the device surely has."""
 
     coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.0, description="Share of `coulomb.lower`; no wall may count on it any more."
+        default=0.0,
+        description="Share of `coulomb.lower` to compensate; walls can no longer rely on it.",
     )
     viscous: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.0,
-        description="Share of `damping.lower`; no wall, port or coupling may count on it any more.",
+        description="Share of `damping.lower` to compensate; walls, ports and "
+        "couplings can no longer rely on it.",
     )
     inertia: Annotated[float, Field(ge=0, le=0.9)] = Field(
         default=0.0,
-        description="Share of `inertia.lower`, by an observed acceleration and out of an energy "
-        "account; needs `velocity_limit`.",
+        description="Share of `inertia.lower` to compensate, by observed acceleration and limited "
+        "by an energy account; needs `velocity_limit`.",
     )
     inertia_hz: Positive = Field(
         default=10.0,
-        description="[Hz] Bandwidth of its observer; well below what the coupling swings at.",
+        description="[Hz] Bandwidth of its observer; well below the coupling's natural frequency.",
     )
     inertia_coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.0,
-        description="Share of `coulomb.lower` that pays for the observer's lag; it is spent like "
-        "`coulomb`, and both together are at most 1.",
+        description="Share of `coulomb.lower` that covers the observer's lag; used up like "
+        "`coulomb`, so their sum is at most 1.",
     )
     inertia_reserve: Positive | None = Field(
         default=None,
-        description="[J] What the account holds at first, and at most. Default: what the inertia "
-        "that is taken off holds at `velocity_limit`.",
+        description="[J] Initial and maximum energy of the account. Default: kinetic energy of "
+        "the compensated inertia at `velocity_limit`.",
     )
 
     @property
@@ -139,11 +140,9 @@ class EffortSensor(Block):
         default=None, description="[Hz] Cut-off of its own first-order filter; default: none."
     )
     delay_s: NonNegative = Field(default=0.0, description="[s] Its delay, in whole periods.")
-    offset: float = Field(
-        default=0.0, description="[N m | N] What it shows without an effort; it is taken off."
-    )
+    offset: float = Field(default=0.0, description="[N m | N] Reading at zero effort; subtracted.")
     scale: Positive = Field(
-        default=1.0, description="What it shows for a unit of effort; it is divided by that."
+        default=1.0, description="Reading per unit of effort; the reading is divided by it."
     )
 
 
@@ -168,12 +167,12 @@ class Follower(Block):
     """A device that takes positions only: a goal, and a spring from it to the device."""
 
     stiffness: Positive = Field(
-        description="[N m/rad | N/m] Effort that is felt, for how far the device is behind its "
-        "goal; up to `effort_limit`, where the goal waits for it."
+        description="[N m/rad | N/m] Felt effort per lag of the device behind its goal; up to "
+        "`effort_limit`, where the goal waits for the device."
     )
     lag_s: NonNegative = Field(
-        description="[s] Greatest mean lag of the device behind a goal that moves evenly; it must "
-        "not overshoot."
+        description="[s] Maximum mean lag of the device behind a goal moving at constant "
+        "velocity; it must not overshoot."
     )
 
 
@@ -183,7 +182,7 @@ class Axis(Block):
     bus: str = Field(description="Name of the bus in `buses`; here or in `defaults`.")
     id: Annotated[int, Field(ge=0)] = Field(description="The device's number on that bus.")
     kind: Literal["rotary", "linear"] = Field(
-        description="Decides the units: rad, N m, kg m^2 or m, N, kg; here or in `defaults`."
+        description="Determines the units: rad, N m, kg m^2 or m, N, kg; here or in `defaults`."
     )
     causality: Literal["impedance", "admittance"] = Field(
         default="impedance",
@@ -205,59 +204,62 @@ class Axis(Block):
     )
     compensation: Compensation | None = Field(
         default=None,
-        description="Friction and inertia of an impedance axis that its motor takes off the hand.",
+        description="Friction and inertia of an impedance axis that its motor compensates for.",
     )
     effort_sensor: EffortSensor | None = Field(
         default=None,
-        description="A sensor of the outside effort on an impedance axis; it is recorded, and the "
-        "coupling may use it.",
+        description="Sensor for external effort on an impedance axis; recorded, and available to "
+        "the coupling.",
     )
     effort_limit: Positive = Field(
         json_schema_extra=tuned("engaged"),
-        description="[N m | N] Greatest effort ever commanded (or, admittance, expected); here or "
+        description="[N m | N] Maximum effort commanded (or, for admittance, expected); here or "
         "in `defaults`.",
     )
     effort_rate_limit: Positive | None = Field(
-        default=None, description="[N m/s | N/s] Greatest change of effort. Hardware: required."
+        default=None,
+        description="[N m/s | N/s] Maximum rate of change of effort. Hardware: required.",
     )
     velocity_limit: Positive | None = Field(
         default=None,
-        description="[rad/s | m/s] Above it the run stops. Hardware, admittance: required.",
+        description="[rad/s | m/s] The run stops above it. Hardware, admittance: required.",
     )
     position_range: Annotated[tuple[float, float], AfterValidator(_check_range)] | None = Field(
         default=None,
-        description="[rad | m] Lowest and highest position; outside, damping and stop. "
-        "Hardware: required.",
+        description="[rad | m] Minimum and maximum position; outside, the axis is damped and the "
+        "run stops. Hardware: required.",
     )
     encoder_quantum: NonNegative = Field(default=0.0, description="[rad | m] Encoder step.")
     position_noise: NonNegative = Field(
-        default=0.0, description="[rad | m] Standard deviation of the position's noise."
+        default=0.0, description="[rad | m] Standard deviation of the position noise."
     )
     position_noise_autocorrelation: Annotated[Autocorrelation, Field(max_length=LAGS)] | None = (
         Field(
             default=None,
             description="Colour of that noise: its autocorrelation from lag 1 on, in samples, as "
-            "shares of the variance; beyond the last lag 0, [] is white. Default: unknown, and the "
-            "worst one counts. `tautwave identify RECORDING --noise` measures it.",
+            "shares of the variance; beyond the last lag 0, [] is white. Default: "
+            "unknown, so the worst case is assumed. `tautwave identify RECORDING "
+            "--noise` measures it.",
         )
     )
     encoder_nonlinearity: Annotated[float, Field(ge=0, lt=1)] = Field(
         default=0.0,
-        description="Greatest error of a small displacement that the encoder reports, as a share "
-        "of it; no run can see it, so its share of what a port may give out is stated apart.",
+        description="Maximum relative error of a small displacement reported by the encoder; a "
+        "run cannot detect it, so its share of a port's energy output is stated "
+        "separately.",
     )
     effort_quantum: NonNegative = Field(
-        default=0.0, description="[N m | N] Step of the effort that is commanded or measured."
+        default=0.0, description="[N m | N] Resolution of the commanded or measured effort."
     )
     velocity_quantum: NonNegative = Field(
-        default=0.0, description="[rad/s | m/s] Step of the velocity that is commanded or measured."
+        default=0.0, description="[rad/s | m/s] Resolution of the commanded or measured velocity."
     )
     velocity_filter_s: NonNegative = Field(
         default=0.0, description="[s] Time constant of the velocity estimate's low-pass; 0: none."
     )
     load: Load | None = Field(
         default=None,
-        description="What weighs on an impedance axis that is not a joint of an `arm`.",
+        description="Gravity load of an impedance axis that is not a joint of an `arm`.",
     )
     environment_stiffness_upper: NonNegative | None = Field(
         default=None,
@@ -267,8 +269,8 @@ class Axis(Block):
 
     follower: Follower | None = Field(
         default=None,
-        description="Of an admittance axis whose device takes positions: a gripper, a hobby "
-        "servo. Nothing is claimed of what it does to what it touches.",
+        description="For an admittance axis whose device takes positions, such as a gripper or a "
+        "hobby servo. No claim covers its effect on what it touches.",
     )
 
     @property
@@ -293,12 +295,11 @@ class Side(Block):
     defaults: dict[str, Any] = Field(
         default_factory=dict,
         exclude=True,
-        description="Keys of an axis, for every axis of this side that does not have its own; "
-        "merged into them when the file is read.",
+        description="Default keys for every axis of this side; an axis' own keys take precedence.",
     )
     arm: Arm | None = Field(
         default=None,
-        description="The axes are the joints of a serial chain, in their order from base to tip.",
+        description="The axes are the joints of a serial chain, in order from base to tip.",
     )
 
 
@@ -310,14 +311,14 @@ class Camera(Block):
 
     driver: Literal["v4l2", "synthetic"] = Field(
         default="v4l2",
-        description="A camera of this machine (Video4Linux), or pictures of a moving bar that are "
-        "computed.",
+        description="A camera of this machine (Video4Linux), or synthetic pictures of a moving "
+        "bar.",
     )
     device: Annotated[str, Field(pattern="^/dev/")] = Field(
         default="/dev/video0", description="Device of a camera; not used by `synthetic`."
     )
-    width: Pixels = Field(default=640, description="Pixels in a line; even.")
-    height: Pixels = Field(default=480, description="Lines of a picture; even.")
+    width: Pixels = Field(default=640, description="Width in pixels; even.")
+    height: Pixels = Field(default=480, description="Height in pixels; even.")
     fps: Annotated[Positive, Field(le=1000)] = Field(
-        default=30.0, description="[Hz] Pictures a second that are asked for."
+        default=30.0, description="[Hz] Requested frame rate."
     )

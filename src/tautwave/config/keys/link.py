@@ -36,57 +36,58 @@ class Link(Block):
     newest word counts, and how deep it would be played out does not.
     """
 
-    delay_s: Delay = Field(default=0.0, description="[s] Least delay each way.")
-    jitter_s: Delay = Field(default=0.0, description="[s] Delay on top, at random.")
+    delay_s: Delay = Field(default=0.0, description="[s] Minimum delay each way.")
+    jitter_s: Delay = Field(default=0.0, description="[s] Additional random delay.")
     jitter: Literal["uniform", "exponential", "spikes"] = Field(
         default="uniform",
         description="uniform up to jitter_s, exponential about it, or spikes of it (2 % of all).",
     )
     loss: Annotated[float, Field(ge=0, le=0.5)] = Field(
-        default=0.0, description="Share of packets that is lost."
+        default=0.0, description="Fraction of packets lost."
     )
     burst: Annotated[float, Field(ge=1, le=1000)] = Field(
-        default=1.0, description="Mean number of packets lost in a row."
+        default=1.0, description="Mean number of consecutive packets lost."
     )
     duplicate: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.0, description="Share of packets that comes twice."
+        default=0.0, description="Fraction of packets duplicated."
     )
-    reorder: bool = Field(default=True, description="Whether a packet may overtake another.")
+    reorder: bool = Field(default=True, description="Whether packets may be reordered.")
     outage_at_s: NonNegative = Field(
         default=0.0, description="[s] Start of the first outage, after engaging."
     )
     outage_s: NonNegative = Field(default=0.0, description="[s] Length of an outage; 0: none.")
     outage_every_s: NonNegative = Field(
-        default=0.0, description="[s] From one outage to the next; 0: one only."
+        default=0.0, description="[s] Interval between outages; 0: a single outage."
     )
     trace: str | None = Field(
         default=None,
         description="Recorded network, `tautwave link test --record`: its delays and losses, both "
-        "ways, again and again, in place of the keys above. A relative path starts at the rig "
-        "file's folder.",
+        "ways, are repeated in a loop instead of using the keys above. A relative "
+        "path is relative to the rig file's directory.",
     )
     seed: Annotated[int, Field(ge=0, lt=1 << 32)] | None = Field(
         default=None, description="Seed of this network; default: that of the rig."
     )
     play_out: Literal["fixed", "newest"] = Field(
         default="fixed",
-        description="fixed: waves come out a constant depth behind the earliest arrival, as smooth "
-        "as they were sent; newest: what came last, quicker by the depth, and rougher.",
+        description="fixed: waves are played out a constant depth behind the earliest arrival, as "
+        "smooth as they were sent; newest: the latest arrival, faster by that depth "
+        "but rougher.",
     )
     depth_s: Depth = Field(
         default=AUTO,
         description="[s] That depth, rounded to cycles. auto: it follows the 99th percentile of "
         "the delays, from 0.",
     )
-    deepest_s: Delay = Field(default=0.1, description="[s] As far as an `auto` depth may grow.")
+    deepest_s: Delay = Field(default=0.1, description="[s] Maximum of an `auto` depth.")
     repeated: Annotated[int, Field(ge=0, le=32)] = Field(
-        default=3, description="Slots before its own that each packet repeats."
+        default=3, description="Number of preceding slots that each packet repeats."
     )
     silence_s: Positive = Field(
         default=0.1,
-        description="[s] Without a packet for so long, a side holds: no wave comes out, and what "
-        "is felt is the damping of its port.",
+        description="[s] A side without a packet for this long holds: it emits no wave, and only "
+        "its port's damping is felt.",
     )
     lost_s: Positive = Field(
-        default=2.0, description="[s] Without a packet for so long, the run stops passively."
+        default=2.0, description="[s] A run without a packet for this long stops passively."
     )

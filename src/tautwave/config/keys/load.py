@@ -7,15 +7,15 @@ from pydantic import Field
 from tautwave.config.keys.common import Block
 
 REFLECTED = (
-    "A slave's: the master's motors weigh as much on the hand, at the master's own position; "
-    "needs pairs with a number as `offset`. false: the hand feels nothing of it."
+    "For a slave: the master's motors render its weight to the hand, at the master's own "
+    "position; needs pairs with a number as `offset`. false: the hand does not feel it."
 )
 
 
 class TrueLoad(Block):
     """Effort that a load exerts on the axis: constant + cosine cos(x) + sine sin(x)."""
 
-    constant: float = Field(default=0.0, description="[N m | N] The same everywhere.")
+    constant: float = Field(default=0.0, description="[N m | N] Independent of position.")
     cosine: float = Field(
         default=0.0, description="[N m] Times the cosine of the position; rotary axes."
     )
@@ -29,7 +29,6 @@ class Load(TrueLoad):
 
     compensate: bool = Field(
         default=True,
-        description="Carry the load by an effort beside the coupling's; false: the coupling "
-        "carries it.",
+        description="Compensate for the load outside the coupling; false: the coupling carries it.",
     )
     reflect_load: bool = Field(default=False, description=REFLECTED)

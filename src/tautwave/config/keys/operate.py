@@ -14,7 +14,7 @@ from tautwave.config.keys.key_codes import CODES
 def _check_key(name: Any) -> Any:
     if isinstance(name, str) and name not in CODES:
         raise PydanticCustomError(
-            "key", "there is no key {name}; keys are KEY_A, KEY_SPACE, BTN_LEFT ...", {"name": name}
+            "key", "unknown key {name}; keys are KEY_A, KEY_SPACE, BTN_LEFT ...", {"name": name}
         )
     return name
 
@@ -27,8 +27,8 @@ class KeyDevice(Block):
     """A HID device whose keys give commands: a keyboard, a foot pedal, a button."""
 
     device: Annotated[str, Field(min_length=1)] = Field(
-        description="Its file, such as `/dev/input/by-id/usb-...-event-kbd`; no other program gets "
-        "its keys meanwhile."
+        description="Device file, such as `/dev/input/by-id/usb-...-event-kbd`; other programs do "
+        "not receive its keys meanwhile."
     )
     keys: dict[KeyName, Word] = Field(
         default_factory=dict,
@@ -36,7 +36,7 @@ class KeyDevice(Block):
     )
     dead_man: KeyName | None = Field(
         default=None,
-        description="The rig engages only while this key is held; released, or the device gone, it "
+        description="The rig engages only while this key is held; if released or disconnected, it "
         "holds.",
     )
 
@@ -45,10 +45,10 @@ class Trigger(Block):
     """Lines of a serial port beside the rig."""
 
     port: Annotated[str, Field(min_length=1)] = Field(
-        description="Serial port: its RTS and DTR are on while an episode runs. A pipe gets the "
-        "bytes 1 and 0."
+        description="Serial port: its RTS and DTR are on while an episode runs. A pipe receives "
+        "the bytes 1 and 0."
     )
-    command: Word | None = Field(default=None, description="Given when its CTS comes on.")
+    command: Word | None = Field(default=None, description="Command given when CTS is asserted.")
 
 
 class Aligning(Block):
@@ -56,15 +56,14 @@ class Aligning(Block):
 
     align_speed: Positive = Field(
         default=0.3,
-        description="[rad/s | m/s] Greatest speed at which a slave goes to where its master wants "
-        "it.",
+        description="[rad/s | m/s] Maximum speed at which a slave moves to its master's position.",
     )
     align_acceleration: Positive = Field(
-        default=1.0, description="[rad/s^2 | m/s^2] Greatest acceleration of that motion."
+        default=1.0, description="[rad/s^2 | m/s^2] Maximum acceleration of that motion."
     )
     align_effort_share: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.2,
-        description="Greatest effort of that motion, as a share of the slave's effort limit.",
+        description="Maximum effort of that motion, as a share of the slave's effort limit.",
     )
 
 
@@ -77,13 +76,13 @@ class Operate(Aligning):
     )
     scales: Annotated[tuple[Positive, ...], Field(strict=False)] = Field(
         default=(),
-        description="Factors on every pair's `position_scale` that the command `scale` chooses "
-        "from, beside 1; the rig is certified with each.",
+        description="Factors on every pair's `position_scale` that the command `scale` can "
+        "select, besides 1; the rig is certified with each.",
     )
     key_devices: Annotated[tuple[KeyDevice, ...], Field(strict=False)] = Field(
         default=(),
-        description="HID devices that give commands, one of whose keys may be a dead-man.",
+        description="HID devices that give commands; one of their keys may be a dead-man switch.",
     )
     trigger: Trigger | None = Field(
-        default=None, description="Lines of a serial port that show episodes, or give a command."
+        default=None, description="Serial-port lines that signal episodes or give a command."
     )

@@ -62,13 +62,13 @@ class Rig(Block):
 
     format: Annotated[int, Field(ge=1, le=formats.RIG)] = Field(
         default=formats.RIG,
-        description="Version of the rig file's keys; the newest where it is left out.",
+        description="Version of the rig file's keys; default: the newest.",
     )
     name: Annotated[str, Field(min_length=1)] = Field(description="Title of the report.")
     rate_hz: Annotated[float, Field(gt=0, le=1e6)] = Field(description="[Hz] Cycles per second.")
     duration_s: Positive = Field(
-        description="[s] How long a run lasts. Required, but for a rig that people operate: "
-        "without it that runs until it is stopped, a day at most.",
+        description="[s] How long a run lasts. Required, except for an operated rig, which "
+        "otherwise runs until it is stopped, for at most a day.",
     )
     require: Literal["passive", "passive_quantised", "coupled_stable"] = Field(
         default="passive",
@@ -76,7 +76,7 @@ class Rig(Block):
         "environment; the same with encoder steps and Coulomb friction; or stable with the "
         "stated hand.",
     )
-    seed: int = Field(default=0, description="Seed of every random number in a simulated run.")
+    seed: int = Field(default=0, description="Seed of all random numbers in a simulated run.")
     buses: Annotated[dict[Name, Bus], Field(min_length=1)] = Field(description="Buses by name.")
     master: Side = Field(description="The devices in the operator's hand.")
     slave: Side = Field(
@@ -88,22 +88,22 @@ class Rig(Block):
     )
     link: Link | None = Field(
         default=None,
-        description="A network between both sides, in place of the line of constant delay.",
+        description="A network between both sides, instead of the line of constant delay.",
     )
     scene: AnyScene | None = Field(
         default=None, description="A network of masses and links to touch, instead of a slave."
     )
     operate: Operate | None = Field(
         default=None,
-        description="A rig that people operate: commands engage, clutch, hold and stop it.",
+        description="Operated rig: commands engage, clutch, hold and stop it.",
     )
     calibration: Calibration | None = Field(
         default=None,
-        description="What was found on the devices: written by `tautwave calibrate`.",
+        description="Calibration data of the devices, written by `tautwave calibrate`.",
     )
     loop: Loop = Field(default_factory=Loop, description="Settings of the control loop.")
     sites: Sites | None = Field(
-        default=None, description="Master and slave on two machines; omit where one runs both."
+        default=None, description="Master and slave on two machines; omit if one runs both."
     )
     cameras: dict[Name, Camera] | None = Field(default=None, description="Pictures beside a run.")
     simulation: Simulation | None = Field(

@@ -27,7 +27,7 @@ class SceneMass(Block):
 
     mass: Positive = Field(description="[kg | kg m^2] Mass of each.")
     count: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        default=1, description="How many: NAME1, NAME2, ... if more than one."
+        default=1, description="Number of masses, named NAME1, NAME2, ... if more than one."
     )
     position: float = Field(default=0.0, description="[m | rad] Start position of the first.")
     spacing: float = Field(default=0.0, description="[m | rad] Distance from each to the next.")
@@ -42,7 +42,7 @@ class Chain(Block):
 
     between: Ends
     chain: bool = Field(
-        default=False, description="Both ends are one group: link each member to the next."
+        default=False, description="Both ends are the same group: link each member to the next."
     )
 
 
@@ -52,7 +52,7 @@ class SpringLink(Chain):
     type: Literal["spring"] = Field(description="Kind of link.")
     stiffness: Positive = Field(description="[N/m | N m/rad]")
     damping: NonNegative = Field(default=0.0, description="[N s/m | N m s/rad]")
-    rest: float = Field(default=0.0, description="[m | rad] Stretch at which it is slack.")
+    rest: float = Field(default=0.0, description="[m | rad] Stretch at which the force is 0.")
 
 
 class DamperLink(Chain):
@@ -81,7 +81,7 @@ class NonlinearLink(Chain):
     type: Literal["nonlinear"] = Field(description="Kind of link.")
     stiffness: Positive = Field(description="[N/m**exponent]")
     exponent: Exponent = Field(description="3: cubic.")
-    rest: float = Field(default=0.0, description="[m | rad] Stretch at which it is slack.")
+    rest: float = Field(default=0.0, description="[m | rad] Stretch at which the force is 0.")
 
 
 class PlasticLink(Chain):
@@ -212,7 +212,7 @@ class SoundForce(Block):
     )
     amplitude: Positive = Field(description="[N | N m] Force at full scale.")
     channel: Literal["mono"] | Annotated[int, Field(ge=1)] = Field(
-        default="mono", description="From 1; mono: the mean of all."
+        default="mono", description="Channel, from 1; mono: mean of all channels."
     )
     loop: bool = Field(
         default=False, description="Loop the file; otherwise play it once, then silence."
@@ -230,7 +230,8 @@ SceneForce = Annotated[SineForce | NoiseForce | TapForce | SoundForce, Field(dis
 HoldLimit = Annotated[
     Positive | None,
     Field(
-        description="[J] Energy that held efforts may create before the run stops. Default: that "
+        description="[J] Energy that the effort hold may create before the "
+        "run stops. Default: that "
         "of the devices at a tenth of their velocity limits, at most 10 mJ an axis."
     ),
 ]
@@ -263,7 +264,7 @@ class Scene(Block):
         default="alone",
         description="with_device: springs and dampers get the numbers with which the sampled loop "
         "of hand, device and network has the modes meant; for one port, a spring to each mass. "
-        "`check` prints them, and what the device's damping has to pay.",
+        "`check` prints them, and how much of the device's damping they use.",
     )
     engine: Literal["auto", "python", "compiled"] = Field(
         default="auto",

@@ -48,10 +48,10 @@ class Mass3d(Block):
 
     mass: Positive = Field(description="[kg] Mass of each.")
     count: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        default=1, description="How many in a row: NAME1, NAME2, ... if more than one in all."
+        default=1, description="Number in a row: NAME1, NAME2, ... if more than one in all."
     )
     rows: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        default=1, description="How many rows; numbering continues from row to row."
+        default=1, description="Number of rows; numbering continues from row to row."
     )
     position: Vector = Field(default=ZERO, description="[m] Start position of the first.")
     spacing: Vector = Field(
@@ -61,7 +61,7 @@ class Mass3d(Block):
     velocity: Vector = Field(default=ZERO, description="[m/s] Start velocity.")
     damping: NonNegative = Field(default=0.0, description="[N s/m] Damping of each to ground.")
     clamped: bool = Field(
-        default=False, description="Its rim is fixed: both ends of a row, all four sides of a net."
+        default=False, description="The rim is fixed: both ends of a row, all four sides of a net."
     )
 
 
@@ -69,7 +69,7 @@ class Cells(Block):
     """A box cut into cells, each of five tetrahedra."""
 
     size: tuple[Positive, Positive, Positive] = Field(description="[m] Edges along x, y and z.")
-    cells: tuple[Count, Count, Count] = Field(description="How many cells along each.")
+    cells: tuple[Count, Count, Count] = Field(description="Number of cells along each edge.")
 
     @model_validator(mode="after")
     def _check_count(self) -> Self:
@@ -220,7 +220,7 @@ class Scene3d(Block):
         default="discrete_gradient",
         description="symplectic: the standard one, w T < 2; discrete_gradient: keeps energy, "
         "momentum and angular momentum at any stiffness; linearly_implicit: the same with one "
-        "linear solve a step, what energy that creates is booked.",
+        "linear solve a step, the energy that it creates is accounted for.",
     )
     engine: Literal["auto", "python", "compiled"] = Field(
         default="auto", description="Execution engine; results are bit-identical."

@@ -27,8 +27,8 @@ class AxisSimulation(Block):
 
     inertia: Positive | None = Field(
         default=None,
-        description="[kg m^2 | kg] Impedance axes; of an arm's joint the motor's alone, beside the "
-        "chain, by default the lower bound.",
+        description="[kg m^2 | kg] Impedance axes; for an arm joint, the motor alone without the "
+        "chain; default: the lower bound.",
     )
     damping: NonNegative | None = Field(
         default=None, description="[N m s/rad | N s/m] Impedance axes."
@@ -43,13 +43,14 @@ class AxisSimulation(Block):
     position_noise_autocorrelation: Annotated[Autocorrelation, Field(max_length=128)] | None = (
         Field(
             default=None,
-            description="Colour of that noise, as of the axis; white where neither says.",
+            description="Colour of that noise, as for the axis; default: that "
+            "of the axis, else white.",
         )
     )
     effort_quantum: NonNegative | None = Field(default=None, description="[N m | N]")
     velocity_quantum: NonNegative | None = Field(default=None, description="[rad/s | m/s]")
     effort_limit: Positive | None = Field(
-        default=None, description="[N m | N] Where the motor itself saturates."
+        default=None, description="[N m | N] Effort at which the motor itself saturates."
     )
     command_delay_s: NonNegative | None = Field(
         default=None,
@@ -57,11 +58,12 @@ class AxisSimulation(Block):
     )
     start_position: float | None = Field(
         default=None,
-        description="[rad | m] Default: where a recording that moves or pushes it begins, and the "
-        "pair's other axis with it; else 0.",
+        description="[rad | m] Default: start of the recording that drives it or the other axis "
+        "of its pair, else 0.",
     )
     velocity_time_constant_s: Positive | None = Field(
-        default=None, description="[s] Velocity loop of an admittance axis; default 0.002."
+        default=None,
+        description="[s] Time constant of the velocity loop of an admittance axis; default 0.002.",
     )
     servo_stiffness: Positive | None = Field(
         default=None,
@@ -70,16 +72,16 @@ class AxisSimulation(Block):
     )
     servo_damping: NonNegative | None = Field(
         default=None,
-        description="[N m s/rad | N s/m] The same loop's; default: such that it lags by "
+        description="[N m s/rad | N s/m] Damping of the same loop; default: such that it lags by "
         "`follower.lag_s`.",
     )
     effort_sensor: EffortSensor | None = Field(
-        default=None, description="Of an axis that has one; default: as believed."
+        default=None, description="For axes with a sensor; default: as in the rig."
     )
     load: TrueLoad | None = Field(
         default=None,
-        description="What weighs on an impedance axis that is not a joint of an arm; default: as "
-        "believed.",
+        description="Gravity load of an impedance axis that is not a joint of an arm; default: as "
+        "in the rig.",
     )
 
 
@@ -111,8 +113,8 @@ class Hold(Block):
 
 
 FILE = (
-    "Run, MCAP, CSV or MAT file; a relative path starts at the rig file's folder, with `--set` at "
-    "the current folder."
+    "Run, MCAP, CSV or MAT file; a relative path is resolved against the rig file's directory; "
+    "with `--set`, against the current directory."
 )
 
 
@@ -121,8 +123,8 @@ class Recording(Block):
 
     type: Literal["recording"] = Field(description="Kind of reference.")
     file: Annotated[str, Field(min_length=1)] = Field(description=FILE)
-    column: str = Field(description="Heading of the column with the position.")
-    time_column: str = Field(default="time_s", description="Heading of the column with the time.")
+    column: str = Field(description="Name of the column with the position.")
+    time_column: str = Field(default="time_s", description="Name of the column with the time.")
     scale: float = Field(default=1.0, description="[rad | m per unit of the file]")
     offset: float = Field(default=0.0, description="[rad | m] Added after scaling.")
     repeat: bool = Field(default=True, description="Repeat it; otherwise hold its last value.")
@@ -133,11 +135,11 @@ class Intent(Block):
 
     type: Literal["intent"] = Field(description="Kind of reference.")
     file: Annotated[str, Field(min_length=1)] = Field(description=FILE)
-    position: str = Field(description="Heading of the column with the position [rad | m].")
+    position: str = Field(description="Name of the column with the position [rad | m].")
     effort: str = Field(
-        description="Heading of the column with the effort of the hand on the device [N m | N]."
+        description="Name of the column with the effort of the hand on the device [N m | N]."
     )
-    time_column: str = Field(default="time_s", description="Heading of the column with the time.")
+    time_column: str = Field(default="time_s", description="Name of the column with the time.")
     effort_scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
     effort_offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
     filter_hz: Positive = Field(
@@ -152,10 +154,10 @@ class Policy(Block):
     type: Literal["policy"] = Field(description="Kind of reference.")
     fps: Positive = Field(
         default=30.0,
-        description="[Hz] Actions a second; the rig holds when three in a row do not come.",
+        description="[Hz] Actions per second; the rig holds after three missing in a row.",
     )
-    velocity_limit: Positive = Field(description="[rad/s | m/s] The hand is led no faster.")
-    effort_limit: Positive = Field(description="[N m | N] Its spring pulls no harder.")
+    velocity_limit: Positive = Field(description="[rad/s | m/s] Maximum speed of the hand.")
+    effort_limit: Positive = Field(description="[N m | N] Maximum effort of its spring.")
 
 
 Reference = Annotated[
@@ -247,16 +249,17 @@ class Recorded(Block):
 
     type: Literal["recorded"] = Field(description="Kind of environment.")
     file: Annotated[str, Field(min_length=1)] = Field(description=FILE)
-    effort: str = Field(
-        description="Heading of the column with the effort on the device [N m | N]."
-    )
+    effort: str = Field(description="Name of the column with the effort on the device [N m | N].")
     position: str | None = Field(
-        default=None, description="Heading of the device's position: where it starts."
+        default=None,
+        description="Name of the column with the device's position, for the start position.",
     )
-    time_column: str = Field(default="time_s", description="Heading of the column with the time.")
+    time_column: str = Field(default="time_s", description="Name of the column with the time.")
     scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
     offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
-    repeat: bool = Field(default=True, description="Repeat it; otherwise it then pushes no more.")
+    repeat: bool = Field(
+        default=True, description="Repeat it; otherwise afterwards the effort is 0."
+    )
 
 
 Environment = Annotated[Free | Spring | SolidWall | Foam | Recorded, Field(discriminator="type")]
@@ -320,7 +323,7 @@ class Simulation(Block):
         default_factory=dict, description="Environment of the slave, by pair; default: free."
     )
     arms: dict[Literal["master", "slave"], Chain] = Field(
-        default_factory=dict, description="Arms by side; default: as believed."
+        default_factory=dict, description="Arms by side; default: as in the rig."
     )
     integrator: Integrator | None = Field(
         default=None,

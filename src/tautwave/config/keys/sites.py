@@ -19,11 +19,11 @@ class Site(Block):
 
     address: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
-        description="Name or address at which the other site reaches this one; required of the "
-        "site that serves.",
+        description="Name or address at which the other site reaches this one; required for the "
+        "serving site.",
     )
     bind: str = Field(
-        default="", description="Own address to serve at; empty: all of this machine's."
+        default="", description="Address to listen on; empty: all addresses of this machine."
     )
     keys: Annotated[str, Field(min_length=1)] = Field(
         default="keys",
@@ -41,29 +41,29 @@ class Sites(Aligning):
 
     serves: SideName = Field(
         default="slave",
-        description="The site that waits for the other one, which dials: the one that can be "
-        "reached, by an open or forwarded port.",
+        description="The site that listens; it must be reachable from the other one, by an open "
+        "or forwarded port.",
     )
     port: Port = Field(
-        default=PORT, description="TCP and UDP port of the site that serves, the same number."
+        default=PORT, description="TCP and UDP port (same number) of the serving site."
     )
     master: Site = Field(default_factory=_nowhere, description="The operator's machine.")
     slave: Site = Field(default_factory=_nowhere, description="The machine at the task.")
     wait_s: NonNegative = Field(
         default=60.0,
-        description="[s] For so long the other site is waited for before a run, and until it is "
-        "ready in a session.",
+        description="[s] Time to wait for the other site before a run, and until it is ready in a "
+        "session.",
     )
     greatest_backlog: Positive = Field(
         default=0.1,
-        description="[rad | m, master] Motion that may have been missed for a session to go on "
-        "after a silence; beyond, a new one begins.",
+        description="[rad | m, master] Missed motion up to which a session resumes after a "
+        "silence; beyond it, a new session begins.",
     )
     place_tolerance: Positive = Field(
         default=0.05,
-        description="[rad | m, master] How far from its place a slave may be when a session "
-        "begins; from further away it is brought there. `engage_tolerance` of a pair with an "
-        "offset counts instead, if it is less.",
+        description="[rad | m, master] Maximum distance of a slave from its target when a session "
+        "begins; if it is farther away, it is moved there first. If less, "
+        "`engage_tolerance` of a pair with an offset applies instead.",
     )
     here: SideName | None = Field(
         default=None,

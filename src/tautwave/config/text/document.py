@@ -153,8 +153,8 @@ def open_document(text: str, name: str, folder: Path, kind: str = "rig file") ->
         raise ConfigError(
             [
                 *(f"{name}:{p.mark.line}: {p.text}" for p in parsed.problems),
-                f"{name}:{line}: a {kind} is a mapping such as 'name: bench', "
-                f"this is {describe_kind(parsed.value)}",
+                f"{name}:{line}: a {kind} must be a mapping such as 'name: bench', but this is "
+                f"{describe_kind(parsed.value)}",
             ]
         )
     wanted = (WANTED[kind],) if kind in WANTED else ()

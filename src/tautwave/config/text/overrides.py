@@ -95,9 +95,9 @@ def _next_key(node: Any, path: KeyPath, keys: list[_Word]) -> tuple[str | int, l
     first = keys[0]
     if isinstance(node, list):
         if not first.text.isascii() or not first.text.isdigit() or len(first.text) > 6:
-            raise _CannotSet(f"{show_path(path)} is a list; give a number, not {first.text!r}")
+            raise _CannotSet(f"{show_path(path)} is a list; use an index, not {first.text!r}")
         if int(first.text) > len(node):
-            raise _CannotSet(f"{show_path(path)} has {len(node)} items, counted from 0")
+            raise _CannotSet(f"{show_path(path)} has {len(node)} items, indexed from 0")
         return int(first.text), keys[1:]
     if not first.quoted:
         for count in range(len(keys), 1, -1):

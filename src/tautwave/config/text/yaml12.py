@@ -155,7 +155,9 @@ class _Builder:
         if not events.check_event(yaml.StreamEndEvent):
             mark = events.peek_event().start_mark
             raise SyntaxProblem(
-                mark.line + 1, mark.column + 1, "a second document begins here; a file holds one"
+                mark.line + 1,
+                mark.column + 1,
+                "a second document begins here; only one per file is allowed",
             )
         return value
 
@@ -237,7 +239,7 @@ class _Builder:
         if plain and not any("\ud800" <= letter <= "\udfff" for letter in event.value):
             return str(self.events.get_event().value)
         self.skip()
-        self.refuse(event, path, "a key has to be plain text, without anchor, alias or tag")
+        self.refuse(event, path, "a key must be plain text, without anchor, alias or tag")
         return None
 
     def skip(self) -> None:

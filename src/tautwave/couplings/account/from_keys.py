@@ -105,8 +105,8 @@ def account_params(
     """
     if math.isinf(axis.velocity_limit):
         raise ConfigError(
-            f"coupling.account: the {side}'s axis has no velocity_limit, and without one nothing "
-            "bounds what its law may give out; give its greatest safe velocity"
+            f"coupling.account: the {side}'s axis has no velocity_limit, and without it the law's "
+            "energy output is unbounded; give its maximum safe velocity"
         )
     assert axis.inertia is not None
     reserve = account_reserve(keys, axis)

@@ -20,7 +20,7 @@ from tautwave.laws.wall import WallParams
 GUARDS = {
     own.ACCOUNT_OVERDRAWN: Guard(
         "account_overdrawn",
-        "gave out more energy than its account may owe",
+        "supplied more energy than its account allows",
         "it is {found:.3g} J in debt (limit {allowed:.3g} J); check position_noise, "
         "inertia.lower, and whether effort_rate_limit holds an effort too long",
     )
@@ -51,7 +51,7 @@ def law_with_account(law: Law, over: str = "") -> Law:
     """
     if law.steps.act is not no_act:
         raise ConfigError(
-            f"coupling.account: law {law.name} keeps accounts of its own; remove the block"
+            f"coupling.account: law {law.name} keeps its own accounts; remove the block"
         )
     steps, elements = _steps(law.steps, law.rings, law.holding, over)
     return Law(

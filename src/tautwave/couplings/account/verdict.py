@@ -21,7 +21,7 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
     name = f"account of {axis_name}"
     axis, claim = rig.axes[axis_name], claim_of(rig, axis_name, delays)
     if isinstance(claim, str):
-        verdict = Verdict(False, f"{name}: nothing bounds what it may give out; give {claim}")
+        verdict = Verdict(False, f"{name}: its energy output is unbounded; give {claim}")
         yield Element(name, "account", axis_name, verdict, verdict, {}, (verdict.reason,))
         return
     seconds = rig.claimed_s
@@ -41,7 +41,8 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
     if passive.passed and claim.leak > 0.0:
         steps = Verdict(
             False,
-            f"{name}: noise drains it; the {watts(claim.leak)} that make up for it may come out.",
+            f"{name}: noise drains it; the {watts(claim.leak)} that "
+            "compensate for this may be supplied.",
             margin=-claim.leak,
         )
     numbers = {
@@ -57,8 +58,8 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
     """Yield what passes between the accounts."""
     name = f"credits of {pair}"
     text = (
-        f"{name}: what an end takes out is what the other sent: a cumulated counter, so that "
-        "delay, loss and order add nothing."
+        f"{name}: an end draws only what the other end sent, as a cumulative counter, so delay, "
+        "loss and reordering add nothing."
     )
     fine = Verdict(True, text)
     yield Element(name, "credits", pair, fine, fine, {}, (text,))
@@ -71,9 +72,11 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
 
 def _remedy(rig: Rig, pair: str) -> str:
     return (
-        "Lower the law's stiffness or the delay, or use law wave: an account keeps a law passive, "
-        "not calm."
+        "Lower the law's stiffness or the delay, or use law wave: an account makes a law passive, "
+        "but not well damped."
     )
 
 
-verdict = CouplingVerdict(_between, _at_axis, _remedy, picture="an account: joules, not a picture")
+verdict = CouplingVerdict(
+    _between, _at_axis, _remedy, picture="an account bounds energy: no picture"
+)

@@ -43,7 +43,7 @@ def _chosen(rig: Rig, name: str, pair: MediatedPair) -> dict[str, Choice]:
     touch = TOUCH * slave.effort_limit + slave.coulomb.value
     stiffest = master.inertia.lower / (SLOWEST_PERIODS * rig.period_s) ** 2
     return {
-        "stiffness": Choice(stiffness, f"the slave swings at {which} with {mass:.3g}"),
+        "stiffness": Choice(stiffness, f"the slave oscillates at {which} with {mass:.3g}"),
         "damping": Choice(float(f"{damping:.4g}"), "0.7 of critical"),
         "touch": Choice(
             float(f"{touch:.4g}"), "2 % of the slave's effort limit and its Coulomb friction"

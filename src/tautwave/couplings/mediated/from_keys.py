@@ -35,7 +35,7 @@ def end_constants(pair: MediatedPair, side: str, axis: CoupledAxis) -> MediatedE
     measures = follows and pair.effort == "measured"
     if measures and not axis.senses:
         raise ConfigError(
-            "effort: measured: the slave has no effort_sensor; add one, or take effort: observed"
+            "effort: measured: the slave has no effort_sensor; add one, or use effort: observed"
         )
     outside = outside_effort(axis, pair.observer_hz)
     pole = outside.observer.pole

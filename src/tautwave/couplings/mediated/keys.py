@@ -16,49 +16,52 @@ class MediatedPair(Pair):
 
     stiffness: Gain = Field(
         default="auto",
-        description="[N m/rad | N/m] Of the spring by which the slave follows, in master units. "
-        "auto: the slave on it swings at 16 Hz, or at a hundredth of the rate if that is slower.",
+        description="[N m/rad | N/m] Stiffness of the spring by which the slave follows, in "
+        "master units. auto: the slave on it resonates at 16 Hz, or at a hundredth of "
+        "the rate if that is lower.",
     )
     damping: Gain = Field(
         default="auto",
-        description="[N m s/rad | N s/m] Of its damper, in master units. auto: 0.7 of critical.",
+        description="[N m s/rad | N s/m] Damping of that spring, in master "
+        "units. auto: 0.7 of critical.",
     )
     force_gain: NonNegative = Field(
         default=1.0,
-        description="Of the effort that the master renders, what the slave presses with beside "
-        "following; 1: both press alike.",
+        description="Share of the effort rendered at the master that the slave applies in "
+        "addition to following; 1: both apply the same effort.",
     )
     effort: Literal["observed", "measured"] = Field(
         default="observed",
-        description="What acts on the slave from outside: observed from position and command, or "
+        description="External effort on the slave: observed from position and command, or "
         "measured by its `effort_sensor`.",
     )
     observer_hz: Positive = Field(
         default=80.0,
         description="[Hz] Bandwidth of the observer of that effort, and of the filter on all "
-        "signals of the estimate; friction as identified (`value`) is taken off.",
+        "signals of the estimate; identified friction (`value`) is subtracted.",
     )
     touch: Gain = Field(
         default="auto",
-        description="[N m | N, slave] Effort from outside at which a contact begins; it ends at "
-        "half of it. auto: 2 % of the slave's effort limit and its Coulomb friction.",
+        description="[N m | N, slave] External effort at which a contact begins; it ends at half "
+        "of it. auto: 2 % of the slave's effort limit and its Coulomb friction.",
     )
     memory_s: Positive = Field(
-        default=0.5, description="[s] After which a sample counts 1/e in the estimate."
+        default=0.5,
+        description="[s] Time after which a sample's weight in the estimate has fallen to 1/e.",
     )
     sure: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.2,
-        description="Greatest half-width of the stiffness' 95 % interval, over the stiffness, with "
-        "which an estimate counts.",
+        description="Maximum half-width of the stiffness' 95 % interval, relative to the "
+        "stiffness, for an estimate to be used.",
     )
     stiffest: Gain = Field(
         default="auto",
-        description="[N m/rad | N/m] Stiffness that the master renders at most. auto: m / (7 T)^2 "
+        description="[N m/rad | N/m] Maximum stiffness that the master renders. auto: m / (7 T)^2 "
         "of the master. The leak that `check` states grows with it.",
     )
     adopt_s: Positive = Field(
         default=0.05,
-        description="[s] Time constant in which a surface that is pressed becomes what is known.",
+        description="[s] Time constant with which a surface in contact adapts to the estimate.",
     )
 
 

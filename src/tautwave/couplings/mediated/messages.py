@@ -39,6 +39,6 @@ messages = CouplingMessages(
     coupling=_coupling,
     standing=_standing,
     pair=_pair,
-    offset_caption="Dotted in the error: by how much the effort F stretches the slave's spring.",
+    offset_caption="Dotted in the error: stretch of the slave's spring under the effort F.",
     offset_cause="its spring",
 )

@@ -14,10 +14,10 @@ def _coupling(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterat
     head = f"coupling of {pair}"
     verdict = Verdict(
         False,
-        f"{head}: not passive; a model that becomes stiffer while it is pressed gives energy, and "
-        "so does a slave that follows. Give it an account (coupling.account: {}).",
+        f"{head}: not passive; a model that stiffens while in contact generates energy, and so "
+        f"does a slave that follows. Give it an account (coupling.account: {{}}).",
     )
     yield Element(head, "coupling", pair, verdict, verdict, {}, (verdict.reason,))
 
 
-verdict = CouplingVerdict(_coupling, picture="a model is rendered: joules, not a picture")
+verdict = CouplingVerdict(_coupling, picture="a rendered model: no picture")

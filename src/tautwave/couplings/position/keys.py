@@ -14,8 +14,12 @@ from tautwave.config.keys.coupling import Coupling, Pair
 class PositionPair(Pair):
     """A master axis and the slave axis of the same name, joined by a spring and a damper."""
 
-    stiffness: Positive = Field(description="[N m/rad | N/m] Of the spring, in master units.")
-    damping: NonNegative = Field(description="[N m s/rad | N s/m] Of the damper, in master units.")
+    stiffness: Positive = Field(
+        description="[N m/rad | N/m] Stiffness of the spring, in master units."
+    )
+    damping: NonNegative = Field(
+        description="[N m s/rad | N s/m] Damping of the damper, in master units."
+    )
 
 
 class PositionCoupling(Coupling):

@@ -31,7 +31,7 @@ messages = CouplingMessages(
     coupling=_coupling,
     standing=standing,
     pair=_pair,
-    offset_caption="Dotted in the error: by how much the effort F stretches the coupling's spring "
-    "K, velocity filters included.",
+    offset_caption="Dotted in the error: stretch of the coupling's spring K under the effort F, "
+    "velocity filters included.",
     offset_cause="its spring",
 )

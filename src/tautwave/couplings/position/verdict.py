@@ -105,7 +105,7 @@ def _at_once(rig: Rig, pair: str, late: float) -> Element:
     quantised = result
     if result.passed and steps:
         quantised = Verdict(
-            False, f"{head}: nothing is proved of its limit cycles on encoder steps."
+            False, f"{head}: no proof covers its limit cycles caused by encoder steps."
         )
     return Element(
         f"coupling of {pair}", "coupling", pair, result, quantised, numbers, (result.reason,)

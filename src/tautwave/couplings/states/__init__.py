@@ -39,5 +39,5 @@ pd_damping = _plugin(
 four_channel = _plugin(
     "four_channel",
     "FourChannelCoupling",
-    "positions and outside efforts both ways, efforts observed (Lawrence)",
+    "positions and external efforts both ways, efforts observed (Lawrence)",
 )

@@ -14,7 +14,7 @@ FASTEST = 100.0
 
 PER_RATE = 2.0 * math.pi / 100.0
 PER_DELAY = 1.0
-BY_DELAY = "1 over the delay there and back"
+BY_DELAY = "1 over the round-trip delay"
 DAMPED = 0.7
 MORE = 1.1
 
@@ -52,7 +52,7 @@ def _gains(rig: Rig, name: str, pair: ServoPair) -> dict[str, Choice]:
     damping = float(f"{2.0 * DAMPED * math.sqrt(stiffness * mass):.4g}")
     needed = float(f"{MORE * 0.5 * both * stiffness:.4g}")
     return {
-        "stiffness": Choice(stiffness, f"swings at {which} with {mass:.3g}"),
+        "stiffness": Choice(stiffness, f"resonates at {which} with {mass:.3g}"),
         "damping": Choice(damping, "0.7 of critical"),
-        "injection": Choice(needed, "delay there and back times half the stiffness, 10 % more"),
+        "injection": Choice(needed, "round-trip delay times half the stiffness, plus 10 %"),
     }

@@ -44,7 +44,7 @@ def is_measured(pair: ServoPair, side: str, axis: CoupledAxis) -> bool:
         return False  # its own effort goes nowhere
     if not axis.senses:
         raise ConfigError(
-            f"effort: measured: the {side} has no effort_sensor; add one, or take effort: observed"
+            f"effort: measured: the {side} has no effort_sensor; add one, or use effort: observed"
         )
     return True
 

@@ -16,14 +16,15 @@ class ServoPair(Pair):
 
     stiffness: Gain = Field(
         default=AUTO,
-        description="[N m/rad | N/m] Of the spring, in master units. auto: the lighter device on "
-        "it swings at 16 Hz, at a hundredth of the rate, or (in rad/s; not position_force, whose "
-        "spring closes no loop over the line) 1 over the delay there and back, whichever is "
-        "slowest.",
+        description="[N m/rad | N/m] Stiffness of the spring, in master units. auto: the lighter "
+        "device on it resonates at 16 Hz, at a hundredth of the rate, or (in rad/s; "
+        "not position_force, whose spring closes no loop over the line) 1 over the "
+        "round-trip delay, whichever is slowest.",
     )
     damping: Gain = Field(
         default=AUTO,
-        description="[N m s/rad | N s/m] Of the damper, in master units. auto: 0.7 of critical.",
+        description="[N m s/rad | N s/m] Damping of the damper, in master "
+        "units. auto: 0.7 of critical.",
     )
 
     @property
@@ -41,8 +42,8 @@ class ObservedPair(ServoPair):
 
     observer_hz: Positive = Field(
         default=30.0,
-        description="[Hz] Bandwidth of the observer of outside efforts; friction as identified "
-        "(`value`) is taken off what it finds.",
+        description="[Hz] Bandwidth of the observer of external efforts; identified friction "
+        "(`value`) is subtracted from its estimate.",
     )
 
 
@@ -50,12 +51,12 @@ class PositionForcePair(ObservedPair):
     """The slave follows the master's position; the master feels the slave's effort."""
 
     force_gain: NonNegative = Field(
-        default=1.0, description="Of the slave's effort, what the master is fed."
+        default=1.0, description="Share of the slave's effort fed back to the master."
     )
     effort: Literal["commanded", "observed", "measured"] = Field(
         default="observed",
-        description="Which effort of the slave: what its motor was commanded, or what acts on the "
-        "device from outside, observed from position and command or measured by its "
+        description="Effort to feed back: the command to the slave's motor, or the external "
+        "effort on the device, observed from position and command or measured by its "
         "`effort_sensor`.",
     )
     master_damping: NonNegative = Field(
@@ -78,18 +79,18 @@ class FourChannelPair(ObservedPair):
 
     force_gain: NonNegative = Field(
         default=0.5,
-        description="Of the sum of both outside efforts, what drives each device.",
+        description="Share of the sum of both external efforts that drives each device.",
     )
     effort: Literal["observed", "measured"] = Field(
         default="observed",
-        description="The outside efforts: observed from position and command, or measured by an "
+        description="The external efforts: observed from position and command, or measured by an "
         "`effort_sensor` on each side.",
     )
     rejection: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0,
-        description="Of all that moves a device and is not its motor, friction included, the share "
-        "that its motor cancels (disturbance observer); 0: none, and both feel lighter by "
-        "1 + 2 `force_gain`.",
+        description="Share of all non-motor efforts on a device, friction included, that its "
+        "motor cancels (disturbance observer); 0: none, and both feel lighter by a "
+        "factor of 1 + 2 `force_gain`.",
     )
 
 
@@ -99,7 +100,7 @@ class PdDampingPair(ServoPair):
     injection: Gain = Field(
         default=AUTO,
         description="[N m s/rad | N s/m] Damper to ground, each side, in master units. auto: what "
-        "4 B_m B_s > (T_m + T_s)^2 K^2 asks for, and a tenth more.",
+        "4 B_m B_s > (T_m + T_s)^2 K^2 requires, plus 10 %.",
     )
 
     @property
@@ -118,9 +119,9 @@ class PositionForceCoupling(Coupling):
 
 
 class FourChannelCoupling(Coupling):
-    """Positions and outside efforts both ways."""
+    """Positions and external efforts both ways."""
 
-    law: Literal["four_channel"] = Field(description="Positions and outside efforts both ways.")
+    law: Literal["four_channel"] = Field(description="Positions and external efforts both ways.")
     pairs: Mapping[Name, FourChannelPair] = Field(
         description="The pairs by name: one per axis of each side."
     )

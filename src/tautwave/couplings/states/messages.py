@@ -41,7 +41,7 @@ def _messages(what: str) -> CouplingMessages:
         coupling=coupling,
         standing=_standing,
         pair=_pair,
-        offset_caption="Dotted in the error: by how much the effort F stretches the spring K.",
+        offset_caption="Dotted in the error: stretch of the spring K under the effort F.",
         offset_cause="its spring",
     )
 

@@ -7,7 +7,7 @@ dividers are allowed (rate converters), and axes that take velocity.
 from tautwave.contracts import CouplingPlugin
 
 plugin = CouplingPlugin(
-    summary="transmission line between ports that claim joules, passive at any constant delay",
+    summary="transmission line between ports with energy claims, passive at any constant delay",
     keys="tautwave.couplings.wave.keys:WaveCoupling",
     law="tautwave.couplings.wave.steps:law",
     over_link="tautwave.couplings.wave.link.steps:law",

@@ -106,7 +106,7 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
         if not asked.left:
             raise UnchosenKeyError(
                 ("coupling", "pairs", name, "wave_impedance"),
-                "auto needs an axis that takes effort; give a number",
+                "auto needs an effort-controlled axis; give a number",
             )
         chosen["wave_impedance"] = _impedance(asked, pair)
         pair = _with(pair, wave_impedance=chosen["wave_impedance"].value)
@@ -153,7 +153,7 @@ def _damping_left(rig: Rig, name: str, delays: Delays) -> dict[str, float]:
 def _corner(rig: Rig, name: str) -> Choice:
     names = [f"{side}.{name}" for side in SIDES]
     if not any(rig.axes[one].position_noise or rig.axes[one].encoder_quantum for one in names):
-        return Choice(None, "none, for no noise and no encoder step is stated")
+        return Choice(None, "none, because no noise or encoder step is given")
     slower = max(names, key=rig.axis_period_s)
     corner = float(f"{0.1 / rig.axis_period_s(slower):.3g}")
     return Choice(corner, f"{corner:g} Hz, a tenth of the rate of {slower}")
@@ -161,7 +161,7 @@ def _corner(rig: Rig, name: str) -> Choice:
 
 def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] = POLES) -> Choice:
     if side not in asked.left:
-        return Choice(PLAIN, "plain, for the axis takes velocity")
+        return Choice(PLAIN, "plain, because the axis is velocity-controlled")
     if asked.left[side] <= 0.0:
         return Choice(POLES[0], f"{POLES[0]}, since no damping is left to certify it with")
     for at, pole in enumerate(poles):
@@ -170,7 +170,7 @@ def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] 
             return Choice(
                 pole, f"{pole}, the first that is certified{refused and ', not '}{refused}"
             )
-    return Choice(PLAIN, "plain, for the certificate takes none")
+    return Choice(PLAIN, "plain, because no pole is certified")
 
 
 def _impedance(asked: Asked, pair: WavePair) -> Choice:
@@ -195,7 +195,7 @@ def _impedance(asked: Asked, pair: WavePair) -> Choice:
             found, cause = two_digits(low), f"bound by {side}"
             break
         else:
-            cause += "; the certificate takes none"
+            cause += "; none is certified"
     coarse = _coarse(asked, pair)
     needed = two_digits(coarse.impedance, up=True)
     if needed > found and not _blocked(asked, pair, POLES, needed).startswith(CERTIFICATE):

@@ -111,9 +111,8 @@ def claimed_sentence(axis_name: str, claim: Claim, seconds: float) -> str:
         moving = f", {times} times the {joules(claim.kinetic)} that it has at its velocity limit"
     least = "" if math.isinf(claim.mass) else ", if its inertia is at least inertia.lower"
     return (
-        f"{axis_name} port: whatever moves it{least}, it gives out at most "
-        f"{seen} in {seconds:g} s as its encoder sees it{moving}: twice the reserve of "
-        f"{joules(claim.reserve)}, "
-        f"{joules(claim.under_way)} by commands that act unseen, and {watts(claim.leak)}. In fact, "
-        f"if the noise is as declared, it gives out at most {true}."
+        f"{axis_name} port: whatever moves it{least}, it supplies at most {seen} in {seconds:g} s "
+        f"as seen by its encoder{moving}: twice the reserve of {joules(claim.reserve)}, "
+        f"{joules(claim.under_way)} from commands acting between samples, and "
+        f"{watts(claim.leak)}. If the noise is as declared, it actually supplies at most {true}."
     )

@@ -126,18 +126,18 @@ def binding(rig: Rig, axis_name: str, delays: Delays, damping: float) -> str:
     if before <= 0.0:
         return ""
     better = {
-        "a tenth more inertia.lower": port_of(rig, axis_name, delays, damping, heavier=TENTH),
-        "a tenth more damping.lower": port_of(rig, axis_name, delays, TENTH * damping),
+        "10 % more inertia.lower": port_of(rig, axis_name, delays, damping, heavier=TENTH),
+        "10 % more damping.lower": port_of(rig, axis_name, delays, TENTH * damping),
     }
     if isinstance(keys.wave_filter_hz, float):
         softer = keys.model_copy(update={"wave_filter_hz": keys.wave_filter_hz / TENTH})
         lower = port_of(rig, axis_name, delays, damping, softer)
-        better["a wave filter a tenth lower"] = lower
+        better["a 10 % lower wave filter"] = lower
     found = [(_share(port, before), _share(port, before), what) for what, port in better.items()]
     if now.delay > 0:
         share = _share(port_of(rig, axis_name, delays, damping, sooner=1), before)
         weighed = share * math.log(TENTH) / math.log((now.delay + 1.0) / now.delay)
-        found.append((weighed, share, "a period less of command delay"))
+        found.append((weighed, share, "one period less command delay"))
     _, share, what = max(found)
     if share < 0.005:
         return ""

@@ -112,8 +112,8 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
     """
     if math.isinf(axis.velocity_limit):
         raise ConfigError(
-            f"law wave: the {side}'s axis has no velocity_limit, and without one nothing bounds "
-            "what its port may give out; give its greatest safe velocity"
+            f"law wave: the {side}'s axis has no velocity_limit, and without it the port's energy "
+            "output is unbounded; give its maximum safe velocity"
         )
     corner = pair.wave_filter_hz
     if isinstance(corner, float) and corner > 0.5 / axis.period:

@@ -66,8 +66,9 @@ class WavePair(Pair):
         default=AUTO,
         json_schema_extra=tuned("between runs"),
         description="[N m s/rad | N s/m] Characteristic impedance of the line, in the master's "
-        "units. Small: light and soft; large: heavy and crisp. auto: the greatest whose chatter, "
-        "weight and reserve are small and that the certificate takes; `check` says what bounds it.",
+        "units. Small: light and soft; large: heavy and crisp. auto: the largest that "
+        "is certified and has little chatter, weight and reserve; `check` shows the "
+        "limiting factor.",
     )
     matched_master: bool = Field(default=False, description="Matching damper at the master's end.")
     matched_slave: bool = Field(default=False, description="Matching damper at the slave's end.")
@@ -75,27 +76,28 @@ class WavePair(Pair):
         default=AUTO,
         json_schema_extra=tuned("engaged"),
         description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; "
-        "null: none. auto: a tenth of the slower axis' rate, none where neither axis has noise or "
-        "an encoder step.",
+        "null: none. auto: a tenth of the slower axis' rate, none if neither axis has "
+        "noise or an encoder step.",
     )
     pole_master: Pole = Field(
         default=AUTO,
-        description="Pole of the master's observer: what is left of an error after a period. "
-        "Large: little noise; small: stiff contacts; plain: no observer. auto: the first of 0.5, "
-        "0.3, 0.2, 0.1, 0 and plain that the certificate takes for the stated contact.",
+        description="Pole of the master's observer: share of an error left after one period. "
+        "Large: little noise; small: stiff contacts; plain: no observer. auto: the "
+        "first of 0.5, 0.3, 0.2, 0.1, 0 and plain that is certified for the stated "
+        "contact.",
     )
     pole_slave: Pole = Field(default=AUTO, description="Pole of the slave's observer.")
 
     force_gain: NonNegative = Field(
         default=0.0,
-        description="Force augmentation: of what acts on the slave from outside beyond its motor's "
-        "effort, the share that its leaving wave says on top, as far as its tank pays for it. "
-        "Axes that take effort.",
+        description="Force augmentation: share of the external effort on the slave beyond its "
+        "motor's effort that is added to its outgoing wave, as far as its tank covers "
+        "it. Effort-controlled axes only.",
     )
     observer_hz: Positive = Field(
         default=30.0,
         description="[Hz] Bandwidth of the observer of that effort, if `force_gain` is not 0; "
-        "friction as identified (`value`) is taken off what it finds.",
+        "identified friction (`value`) is subtracted from its estimate.",
     )
 
     @property
@@ -139,7 +141,7 @@ class WaveCoupling(Coupling):
 
     law: Literal["wave"] = Field(
         default="wave",
-        description="A wave line, passive at any constant delay; its ports claim joules.",
+        description="A wave line, passive at any constant delay; its ports state energy claims.",
     )
     pairs: Mapping[Name, WavePair] = Field(
         description="The pairs by name: one per axis of each side."

@@ -35,10 +35,11 @@ def _follower_facts(axis: Axis) -> str:
     rotary = axis.kind == "rotary"
     place, damping = ("rad", "N m s/rad") if rotary else ("m", "N s/m")
     return (
-        f"it takes positions: felt is a spring of {stiffness:.4g} {'N m/rad' if rotary else 'N/m'} "
-        f"from its goal to the device, at most {axis.effort_limit / stiffness:.3g} {place} long, "
-        f"and {stiffness * lag:.3g} {damping} of drag by its lag of {1e3 * lag:.3g} ms; what it "
-        "does to what it touches is not measured, and nothing is claimed of it"
+        f"it is position-controlled: the hand feels a spring of {stiffness:.4g} "
+        f"{'N m/rad' if rotary else 'N/m'} from its goal to the device, at most "
+        f"{axis.effort_limit / stiffness:.3g} {place} long, and {stiffness * lag:.3g} {damping} "
+        f"of drag from its lag of {1e3 * lag:.3g} ms; its effect on what it touches is not "
+        "measured, and no claim is made about it"
     )
 
 
@@ -57,7 +58,7 @@ def _pair_plan(rig: Rig, name: str) -> Iterator[PlanLine]:
         axis_name = f"{side}.{name}"
         pole = keys.pole(side)
         takes_effort = rig.axes[axis_name].causality == "impedance"
-        why_not = "plain" if takes_effort else "its axis takes velocity"
+        why_not = "plain" if takes_effort else "its axis is velocity-controlled"
         used = takes_effort and pole is not None
         yield PlanLine(f"observer of {axis_name}", used, f"pole {pole}", why_not)
         yield PlanLine(f"matching damper of {axis_name}", keys.is_matched(side), "matched end")
@@ -91,9 +92,9 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
         else:
             ratio = upper * period / impedance
             text = (
-                f"passive for an outside spring up to {upper:.4g} {unit} (K T / b = {ratio:.3g})"
-                " if the velocity is reached within a period; nothing is claimed beyond, "
-                "and nothing for an outside damper"
+                f"passive for an external spring up to {upper:.4g} {unit} (K T / b = {ratio:.3g}) "
+                "if the velocity is reached within a period; no claim is made beyond that, nor "
+                "for an external damper"
             )
         yield f"admittance port of {axis_name}", text
     yield from noise_hints(rig, delays)
@@ -171,15 +172,15 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
             yield (
                 f"hint on {axis_name}",
                 f"one encoder step changes the effort by {share:.0%} of effort_limit, and a held "
-                f"force chatters by about as much; wave_impedance up to {softer:.2g} keeps it "
+                f"force chatters by about that much; wave_impedance up to {softer:.2g} keeps it "
                 f"below {GREATEST_STEP:.0%}",
             )
         share = axis.effort_quantum / axis.effort_limit
         if share > GREATEST_STEP:
             yield (
                 f"hint on {axis_name}",
-                f"one step of its drive is {share:.0%} of effort_limit, and its effort jumps by as "
-                "much all the time; use a drive or mode with finer steps",
+                f"one step of its drive is {share:.0%} of effort_limit, so its effort constantly "
+                "jumps by that much; use a drive or mode with finer steps",
             )
         claim = claim_of(rig, axis_name, delays)
         if not isinstance(claim, Claim):
@@ -192,9 +193,9 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
                 colour = ", or declare the noise's colour, which identify --noise measures"
             yield (
                 f"hint on {axis_name}",
-                f"step and noise of its encoder take {watts(noise)} from the port, "
-                f"{noise / (claim.effort * claim.velocity):.1%} of what the motor can give, "
-                f"and its claim grows by that; lower wave_impedance{colour}",
+                f"encoder step and noise drain {watts(noise)} from the port, "
+                f"{noise / (claim.effort * claim.velocity):.1%} of what the motor can supply, and "
+                f"its claim grows accordingly; lower wave_impedance{colour}",
             )
 
 
@@ -214,8 +215,8 @@ messages = CouplingMessages(
     facts=_facts,
     standing=standing,
     pair=describe_pair,
-    offset_caption="Dotted in the error: the standing offset of the effort F, F τ / b of a line of "
-    "delay τ and impedance b, a period and the wave filters' lag counted in. The rest is what the "
-    "devices' own dynamics cost.",
+    offset_caption="Dotted in the error: the standing offset of the effort F, F τ / b of a line "
+    "of delay τ and impedance b, including one period and the lag of the wave "
+    "filters. The rest is due to the devices' own dynamics.",
     offset_cause="its line of {delay}",
 )

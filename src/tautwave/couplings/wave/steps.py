@@ -165,7 +165,7 @@ def fill_elements(
 
 def _limp(why: str) -> Guard:
     """Return a lost coupling, and what most likely took the energy."""
-    lost = "its port could not pay for {found:.3g} % of the energy of the last second's waves"
+    lost = "its port could not cover {found:.3g} % of the energy of the last second's waves"
     return Guard("limp", "lost its coupling", f"{lost}, {why}")
 
 
@@ -200,16 +200,16 @@ law = Law(
             "commands; check the limits, the effort_quantum and the inertia that the rig states"
         ),
         LIMP_NOISY: _limp(
-            "for its positions jump more than the leak is for, in the last second as noise of "
-            "{allowed:.2g} (SI) would: its encoder is noisier than position_noise, or of another "
-            "colour (tautwave identify --noise measures it), or it shakes against something "
-            "stiffer than the rig states"
+            "because its positions jump more than the leak allows, in the last second like noise "
+            "of {allowed:.2g} (SI) would: its encoder is noisier than position_noise, or of "
+            "another colour (tautwave identify --noise measures it), or it vibrates against "
+            "something stiffer than the rig states"
         ),
         LIMP_COARSE: _limp(
-            "for its effort_quantum is above {allowed:.3g}, the coarsest that works here"
+            "because its effort_quantum is above {allowed:.3g}, the coarsest that works here"
         ),
         LIMP_PLAIN: _limp(
-            "for work in one direction empties the tank of a plain port; give it a pole"
+            "because work in one direction empties the tank of a plain port; give it a pole"
         ),
         ASTRAY: Guard(
             "astray",

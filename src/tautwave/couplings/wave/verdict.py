@@ -1,6 +1,6 @@
 """Why a wave line is passive, as far as it is, and how many joules that is.
 
-Two things of each port. On the class of devices that the rig states it returns no more of a wave
+Two things of each port. On the class of devices given in the rig it returns no more of a wave
 than arrives (`analysis.wave_port.device_class`): behind any passive line the pair is stable. And
 whatever device, hand or noise there is, it gives out no more than its claim.
 """
@@ -70,14 +70,15 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
             hidden = joules(claim.hidden(claim.strongest * seconds))
             sentences.append(
                 f"{name}: its encoder's nonlinearity hides {100.0 * claim.hidden(1.0):.3g} % of "
-                f"the energy that passes, at most {hidden} in {seconds:g} s; no run can see it."
+                f"the transferred energy, at most {hidden} in {seconds:g} s; a run cannot detect "
+                "it."
             )
         noise = claim.leak - claim.lag
         if passive.passed and noise > 0.0:
             quantised = Verdict(
                 False,
-                f"{name}: steps and noise drain its tank; the {watts(noise)} that make up for it "
-                "may come out.",
+                f"{name}: steps and noise drain its tank; the {watts(noise)} that compensate for "
+                "this may be supplied.",
                 margin=-noise,
             )
     if left > 0.0:
@@ -86,8 +87,8 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
         if port.observer.pole < 0.0 and isinstance(claim, Claim):
             share = numbers["drain"] = plain_drain(port.port)
             sentences.append(
-                f"{name}: without an observer its tank pays {100.0 * share:.3g} % of the work that "
-                f"passes; {joules(claim.reserve / share)} in one direction empty it."
+                f"{name}: without an observer its tank covers {100.0 * share:.3g} % of the "
+                f"transferred work; {joules(claim.reserve / share)} in one direction empties it."
             )
         if passive.passed and not _is_augmented(rig, axis_name):
             unit = "N m/rad" if axis.kind == "rotary" else "N/m"
@@ -139,12 +140,13 @@ def _passive(
     assert axis.inertia is not None
     name = f"{axis_name} port"
     if isinstance(claim, str):
-        return Verdict(False, f"{name}: nothing bounds what it may give out; give {claim}")
+        return Verdict(False, f"{name}: its energy output is unbounded; give {claim}")
     if delay.remainder_s > 0.0:
         return Verdict(
             False,
             f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
-            "number of periods, and the proof covers whole ones; choose a rate_hz whose period "
+            "number of periods, but the proof covers whole periods only; "
+            "choose a rate_hz whose period "
             "divides the delay that the driver declares",
         )
     if delay.periods > LATEST:
@@ -166,7 +168,7 @@ def _passive(
     if axis.damping.lower <= 0.0:
         return Verdict(
             False,
-            f"{name}: nothing is known of the device's damping; give damping.lower, however small",
+            f"{name}: the device's damping is unknown; give damping.lower, however small",
         )
     if claim.leak > claim.effort * claim.velocity:
         return Verdict(
@@ -184,23 +186,22 @@ def _passive(
         stiffer = pair_of(rig, axis_name).impedance * step / coarsest
         return Verdict(
             False,
-            f"{name}: its drive's effort goes by steps of {step:g} {effort} (effort_quantum), and "
-            f"{coarsest:.3g} is the most that works: half of what the port resists with at the "
-            "velocity limit. Use a drive or mode with finer steps, or raise wave_impedance to "
-            f"{stiffer:.3g}",
+            f"{name}: its drive's effort has steps of {step:g} {effort} (effort_quantum), but at "
+            f"most {coarsest:.3g} works: half of the port's resistance at the velocity limit. Use "
+            f"a drive or mode with finer steps, or raise wave_impedance to {stiffer:.3g}",
         )
     if left <= 0.0:
         return Verdict(
             False,
-            f"{name}: wall and load take {taken:.4g} {unit} of the {axis.damping.lower:.4g} that "
-            "the device surely has, and a port needs some; soften the wall, or raise rate_hz",
+            f"{name}: wall and load use {taken:.4g} {unit} of the device's guaranteed "
+            f"{axis.damping.lower:.4g}, but a port needs some; soften the wall, or raise rate_hz",
         )
     conditions = tuple(assumed(axis, axis_name, inertia=True, damping=True))
     if _is_augmented(rig, axis_name):
         return Verdict(
             True,
-            f"{name}: passive by account: its tank pays for the force that is added to its wave, "
-            "and it claims no more than without; nothing is said of how calm it is.",
+            f"{name}: passive by account: its tank covers the force added to its wave, and its "
+            "claim is the same as without; no statement is made about its damping.",
             conditions,
         )
     port = port_of(rig, axis_name, delays, left)
@@ -208,7 +209,7 @@ def _passive(
     spring, weight = ("N m/rad", "kg m^2") if axis.kind == "rotary" else ("N/m", "kg")
     whom = (
         f"device of at least {d.mass:g} {weight} and {d.damping:.4g} {unit}, held by a passive "
-        f"hand or environment that is nowhere stiffer than a spring of {d.stiffness:.4g} {spring}"
+        f"hand or environment no stiffer than a spring of {d.stiffness:.4g} {spring}"
     )
     if not port.contracting:
         gain = port.gain.greatest
@@ -221,9 +222,9 @@ def _passive(
     if times > EMPTY_CLAIM:
         return Verdict(
             False,
-            f"{name}: its limits bound nothing: it may give out {short(times)} times the kinetic "
-            f"energy of its device at the velocity limit, most of it unseen and at effort_limit "
-            f"{claim.effort:g}; give the limits that device and motor really have",
+            f"{name}: its limits are too loose: it may supply {short(times)} times the kinetic "
+            "energy of its device at the velocity limit, most of it between samples and at "
+            f"effort_limit {claim.effort:g}; give the actual limits of device and motor",
         )
     return Verdict(
         True, f"{name}: returns no more of a wave than arrives, with any {whom}.", conditions, 0.0
@@ -240,8 +241,8 @@ def _excess(gain: float) -> str:
         return "it may be unstable"
     if gain == 1.0:
         return (
-            "there is no proof that it returns no more of a wave than arrives, though no device "
-            "was found with which it does"
+            "it is not proved to return no more of a wave than arrives, although no "
+            "counterexample was found"
         )
     much = f"{gain:.4g}" if gain > 1.001 else f"1 + {gain - 1.0:.2g}"
     return f"it may return {much} times the wave that arrives"
@@ -257,8 +258,8 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
             f"line of {pair}",
             "line",
             pair,
-            f"a constant delay of {coupling.delay_s:g} s each way is lossless and holds the "
-            "waves under way (Niemeyer and Slotine 1991)",
+            f"a constant delay of {coupling.delay_s:g} s each way is lossless and stores the "
+            "waves in transit (Niemeyer and Slotine 1991)",
         )
     keys = coupling.pairs[pair]
     assert isinstance(keys, WavePair)
@@ -289,9 +290,8 @@ def _network(pair: str) -> Iterator[Element]:
             f"receiver of {side}.{pair}",
             "receiver",
             pair,
-            "gives out no more than was sent to it and "
-            f"{joules(RESERVE)}, compared in whole quanta at every tick, whatever the network "
-            "loses, delays or repeats",
+            f"supplies no more than was sent to it plus {joules(RESERVE)}, compared in whole "
+            "quanta at every tick, whatever the network loses, delays or repeats",
             reserve_j=RESERVE,
         )
 

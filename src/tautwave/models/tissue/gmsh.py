@@ -87,7 +87,7 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
         what = _KINDS.get(kind, f"elements of type {kind}")
         raise ValueError(f"{name} holds {what}: only linear tetrahedra are supported")
     if not whole:
-        raise ValueError(f"{name} is cut off: it holds fewer nodes or elements than it says")
+        raise ValueError(f"{name} is truncated: it holds fewer nodes or elements than it declares")
     return _Parts(places, found)
 
 

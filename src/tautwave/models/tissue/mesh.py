@@ -135,7 +135,7 @@ def shape_of(corners: Sequence[Vector], name: str) -> tuple[tuple[float, ...], f
         raise ValueError(f"{name}: its corners are not all finite numbers")
     longest = max(math.dist(a, b) for a in corners for b in corners)
     if longest > LONGEST:
-        raise ValueError(f"{name}: its longest edge is {longest:.3g} m; look at the mesh's scale")
+        raise ValueError(f"{name}: its longest edge is {longest:.3g} m; check the mesh's scale")
     across = (_cross(two, three), _cross(three, one), _cross(one, two))
     six = sum(p * q for p, q in zip(one, across[0], strict=True))
     if not abs(six) > THIN * longest**3:
@@ -144,7 +144,7 @@ def shape_of(corners: Sequence[Vector], name: str) -> tuple[tuple[float, ...], f
             "mesh the part again without slivers"
         )
     if six < 0.0:
-        raise ValueError(f"{name}: it is inverted; number two of its corners the other way round")
+        raise ValueError(f"{name}: it is inverted; swap two of its corners")
     return tuple(part / six for vector in across for part in vector), six / 6.0
 
 

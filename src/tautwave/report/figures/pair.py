@@ -168,7 +168,7 @@ def _acting(panel: Axes, view: PairView, side: str) -> None:
                 linestyle="-.",
                 label="effort limit" if at > 0 else "",
             )
-    heading(panel, f"Acting on the {side} device, positive along its position")
+    heading(panel, f"Efforts on the {side} device, positive along its position")
     panel.set_ylabel(f"effort [{label}]")
 
 
@@ -226,7 +226,7 @@ def contact_figure(view: PairView) -> Figure | None:
     for colour, contact, (depth, force) in zip(shades, found, loops, strict=False):
         loop.plot(down * depth, up * force, color=colour, linewidth=1.2, label=f"{contact:.2f} s")
     known = any(c.peak_depth == c.peak_depth for c in view.contacts[cause])
-    heading(loop, "Force against depth, hardest contacts (a loop is energy lost)")
+    heading(loop, "Force against depth, hardest contacts (loop area: energy lost)")
     loop.margins(x=0.02)
     loop.set_xlabel(f"{'depth in the surface' if known else f'{side} position'} [{down_unit}]")
     loop.set_ylabel(f"force on the wall [{up_unit}]")

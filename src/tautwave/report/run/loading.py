@@ -54,7 +54,7 @@ def load_run(directory: Path) -> Run:
             notes.append("The run ended before its first cycle, so nothing was recorded.")
     if not run.rig_text:
         notes.append(
-            "rig.yaml is missing: axes are taken as linear where the summary does not say."
+            "rig.yaml is missing: axes are assumed linear unless the summary states otherwise."
         )
     if run.truncated:
         notes.append(
@@ -100,7 +100,7 @@ def _attach(run: Run, path: Path) -> None:
     if clock.missing_rows > 0:
         run.notes.append(
             f"{clock.missing_rows} cycles between the first and the last row are not in the "
-            "recording; figures draw straight lines across them."
+            "recording; figures bridge them with straight lines."
         )
     if not run.rig_text and "rig.yaml" in found.attachments:
         run.rig_text = found.attachments["rig.yaml"].decode("utf-8", errors="replace")

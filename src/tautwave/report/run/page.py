@@ -141,7 +141,7 @@ def _head(run: Run) -> Iterator[str]:
     links += [
         ("Certificate", "certificate"),
         ("Axes", "axes"),
-        ("Included and left out", "contents"),
+        ("Used and unused elements", "contents"),
         ("Rig and reproduction", "reproduce"),
     ]
     yield "<nav>" + " ".join(f'<a href="#{to}">{escape(t)}</a>' for t, to in links) + "</nav>"
@@ -238,10 +238,10 @@ def _buses(run: Run) -> Iterator[str]:
 
 
 def _contents(run: Run) -> Iterator[str]:
-    yield '<h2 id="contents">Included and left out</h2>'
+    yield '<h2 id="contents">Used and unused elements</h2>'
     both = (
         table(tables.included_table(run), "text"),
-        table(tables.left_out_table(run), "text") or '<p class="note">No element was left out.</p>',
+        table(tables.left_out_table(run), "text") or '<p class="note">All elements are used.</p>',
     )
     yield f'<div class="columns"><div>{both[0]}</div><div>{both[1]}</div></div>'
 

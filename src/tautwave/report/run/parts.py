@@ -58,7 +58,7 @@ class Still(NamedTuple):
 
     def beside(self) -> str:
         """Return the note in the page if the drawing is too large for it."""
-        return f'<p class="note">{escape(self.alt)}: in {self.name}.png beside this page.</p>'
+        return f'<p class="note">{escape(self.alt)}: in {self.name}.png next to this page.</p>'
 
 
 class File(NamedTuple):
@@ -81,7 +81,7 @@ class File(NamedTuple):
         name = escape(self.path.name)
         return (
             f'<p class="note">{escape(self.caption)}, {word} <a href="{name}">{name}</a> '
-            "beside this page.</p>"
+            "next to this page.</p>"
         )
 
 
@@ -145,7 +145,7 @@ def _pair(run: Run, view: PairView) -> Iterator[Part]:
         return
     offset = "" if "expected" not in view.lines else view.wording.offset_caption
     acting = "Efforts act on the device and are positive along its position."
-    waves = "A wave arrives as it left, later by the delay; half its square is a power."
+    waves = "A wave arrives unchanged after the delay; half its square is a power."
     made: list[tuple[str, Callable[[PairView], Figure | None], str, str]] = [
         ("tracking", pair.tracking_figure, "position and position error", offset),
         ("velocity", overview.velocity_figure, "velocity against its limit", ""),

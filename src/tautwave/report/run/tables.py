@@ -27,11 +27,11 @@ ELEMENT = {
     "port": "wave port, with its tank",
     "line": "delay line",
     "filter": "wave filter",
-    "converter": "between the line's rate and a slower bus'",
+    "converter": "between the rates of the line and a slower bus",
     "wall": "local virtual wall",
     "damper": "matched termination",
     "operate": "both motors while not engaged",
-    "align_slave": "the slave's motor while it is brought into place or held",
+    "align_slave": "the slave's motor while it is moved into position or held",
     "hold_master": "the master's motor while it is held",
     "coupler": "spring and damper between the devices",
 }
@@ -63,10 +63,10 @@ def element_table(run: Run) -> Table:
         "Controller, by element",
         ("element", "description", "absorbed", "stored at the end", "dissipated", "generated"),
         tuple(rows),
-        "Every element keeps its own account from measured positions and the force that acted. "
-        "Generated is the largest energy it ever gave beyond what it had received, available to "
-        "another element or the device: their sum need not come from the motors. Dissipated may "
-        "be negative for an element that generates.",
+        "Each element keeps its own energy account from measured positions and applied forces. "
+        "Generated is the largest energy that it ever supplied beyond what it had received, to "
+        "another element or to the device, so the sum need not come from the motors. Dissipated "
+        "may be negative for an element that generates.",
     )
 
 
@@ -137,18 +137,17 @@ def claim_table(run: Run) -> Table:
         (
             "port",
             "claim, as seen",
-            "claim, in fact",
-            "gave out",
-            "blow from outside",
+            "claim, actual",
+            "supplied",
+            "external impact",
             "verdict",
         ),
         rows,
-        "As seen is what the encoder shows, for any hand, noise and device of at least "
-        "inertia.lower; in fact adds what noise can hide if it is as declared. Gave out is the "
-        "most by which what came out exceeded what went in, at any moment, as the encoder saw it. "
-        "A blow is what the motor gave of that while its device was faster than the velocity "
-        "limit and than the motor can have made it with that inertia: it is not part of the "
-        "claim.",
+        "As seen: by the encoder, for any hand, noise and device of at least inertia.lower. "
+        "Actual: adds what noise as declared can hide. Supplied: the largest excess of energy out "
+        "over energy in at any moment, as seen by the encoder. Impact: the part of that supplied "
+        "while the device moved faster than the velocity limit and faster than the motor could "
+        "have driven it with that inertia; not part of the claim.",
     )
 
 
@@ -237,7 +236,7 @@ def tracking_table(run: Run) -> Table:
     head = ["pair", "position rms", "position max"]
     head += ["rms behind the line"] if late else []
     head += ["effort rms", "effort max", "standing offset"]
-    note = "Behind the line: the slave against where the master was a line's delay ago."
+    note = "Behind the line: the slave relative to the master's position one line delay earlier."
     return Table(
         "Errors between master and slave, in the master's units",
         tuple(head),

@@ -160,8 +160,8 @@ def _tracking(run: Run) -> Verdict:
         if offset is not None and (delay > 0.0 or "{delay}" not in cause_text):
             cause = cause_text.format(delay=quantity(delay, "s"))
             text += (
-                f"; {cause} causes a standing offset of {quantity(offset, position)} at the "
-                f"largest effort held"
+                f"; {cause} causes a steady-state offset of {quantity(offset, position)} at the "
+                "largest held effort"
             )
         force = block(figures, "effort_error")
         if force:
@@ -191,7 +191,7 @@ def _timing(run: Run) -> Verdict:
         text += f" ({ratio(100.0 * missed / cycles)} %)"
     sentences = [text + "."]
     if summary.get("clock") == "fake":
-        sentences.append("Simulated clock: computing takes no time.")
+        sentences.append("Simulated clock: computation takes no time.")
     sentences.append(
         f"Lateness p99 {microseconds(lateness.get('p99'))}, "
         f"at most {microseconds(lateness.get('max'))}; compute p99 "
@@ -251,7 +251,7 @@ def _rendered(run: Run) -> list[str]:
     for axis, wall in block(run.summary, "certificate", "walls").items():
         asked, rendered = wall.get("asked_stiffness"), wall.get("rendered_stiffness")
         if asked != rendered:
-            lines.append(f"Wall of {axis}: K = {asked:.6g} asked, {rendered:.6g} rendered.")
+            lines.append(f"Wall of {axis}: K = {asked:.6g} requested, {rendered:.6g} rendered.")
     return lines
 
 
@@ -326,5 +326,5 @@ def describe_pair(run: Run, pair: str) -> str:
     if scale is not None and scale != 1.0:
         parts.append(f"slave moves {quantity(scale, '')} times the master")
     if number(settings.get("sign")) == -1.0:
-        parts.append("slave moves the other way")
+        parts.append("slave moves in the opposite direction")
     return ", ".join(parts) + "."

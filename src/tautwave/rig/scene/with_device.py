@@ -32,9 +32,9 @@ def tuned_scene(rig: Rig, network: Network) -> Tuned | None:
     name = next(iter(scene.ports))
     delay = command_delays(rig)[f"master.{name}"]
     if reason is None and delay.remainder_s > 0.0:
-        reason = "its device's commands have to act whole periods late"
+        reason = "its device's command delay must be a whole number of periods"
     if reason is not None:
-        raise ConfigError(f"scene.discretise: with_device: {reason}; leave the key out")
+        raise ConfigError(f"scene.discretise: with_device: {reason}; remove the key")
     axis, hand = rig.axes[f"master.{name}"], stated_hand(rig, name).hand
     assert axis.inertia is not None
     held = Held(

@@ -42,8 +42,11 @@ class Order(NamedTuple):
 def unknown(word: str) -> str:
     """Return why a command is none; an action that hands took would not have come so far."""
     if word == LEAD:
-        return "no action for hands that a policy leads: PAIR=POSITION, finite, of pairs it leads"
-    return f"unknown; there are {', '.join(WORDS)}"
+        return (
+            "not an action: write PAIR=POSITION, with finite positions of the "
+            "pairs that the policy drives"
+        )
+    return f"unknown; known are {', '.join(WORDS)}"
 
 
 class Source(Protocol):
@@ -199,7 +202,7 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
             continue
         found.append((round(seconds * 1e9), Order(word, argument.strip(), "script")))
     if problems and not found:
-        raise ConfigError(f"{name}: no line of it is TIME COMMAND, such as `1.5 engage`")
+        raise ConfigError(f"{name}: contains no line TIME COMMAND, such as `1.5 engage`")
     if problems:
         raise ConfigError(problems)
     return found

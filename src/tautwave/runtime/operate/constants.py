@@ -32,6 +32,6 @@ class Operation(NamedTuple):
     def no_scale(self, text: str) -> str:
         """Say which scales there are."""
         if len(self.scales) < 2:
-            return "scale: this rig has its own only; others are listed in operate.scales"
+            return "scale: this rig has no other scales; list them in operate.scales"
         known = ", ".join(f"{scale:g}" for scale in self.scales)
         return f"scale: one of {known} (got {text[:20]!r})"

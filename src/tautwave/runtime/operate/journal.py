@@ -97,10 +97,10 @@ class Journal:
             name, _, task = argument.partition(" ")
             number = len(self.episodes) + 1
             self.episodes.append(Episode(number, name or f"episode-{number}", task.strip(), at_s))
-            return f"episode {number} begins"
+            return f"episode {number} started"
         success = VERDICTS.get(argument)
         self.episodes[-1] = self.episodes[-1]._replace(end_s=at_s, success=success)
-        return f"episode {self.episodes[-1].number} ends"
+        return f"episode {self.episodes[-1].number} ended"
 
     def summary(self, end_s: float) -> dict[str, Any]:
         """Return it for summary.json; an episode that still runs ends at `end_s` [s]."""

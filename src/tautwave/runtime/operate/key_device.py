@@ -61,7 +61,7 @@ class KeyDevice:
             self._descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as err:
             raise DriverError(
-                f"key device {path}: {err.strerror}; plug it in, or let your user read it "
+                f"key device {path}: {err.strerror}; plug it in, or give your user read access "
                 "(group input)"
             ) from err
         with suppress(OSError):  # not an input device of the kernel's: nobody else listens to it

@@ -103,10 +103,10 @@ def send(address: dict[str, Any], source: str, line: str) -> None:
             raise RecordingError("the run has ended")
         descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
-        raise RecordingError(f"the run has ended, or is not yours ({error})") from error
+        raise RecordingError(f"the run has ended or belongs to another user ({error})") from error
     try:
         os.write(descriptor, data)
     except BlockingIOError as error:
-        raise RecordingError("the run takes no commands now: too many are waiting") from error
+        raise RecordingError("the run accepts no commands now: too many are queued") from error
     finally:
         os.close(descriptor)

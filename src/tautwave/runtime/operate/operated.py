@@ -190,7 +190,7 @@ class OperatedControl(CoupledControl):
         elif word == st.SCALE:
             self._rescale(order)
         elif word == st.ENGAGE and (loose := self.inbox.loose()):
-            text = f"engage: hold the dead-man first: {', '.join(loose)}"
+            text = f"engage: press the dead-man first: {', '.join(loose)}"
             self._note(word, order.source, text, refused=True)
         else:
             self._enter(after)
@@ -341,7 +341,9 @@ class OperatedControl(CoupledControl):
         self.wants_reset = False
         self._now = slot
         if refusal:
-            self._note(st.REST, "controller", f"the devices are not back: {refusal}", refused=True)
+            self._note(
+                st.REST, "controller", f"the devices have not recovered: {refusal}", refused=True
+            )
             return
         self._bank()
         self._clear_energies()

@@ -15,7 +15,7 @@ def held_by(control: CoupledControl, scaled: Scaled) -> str:
     """Say why the pairs cannot take another scale while they hold, '' if they can."""
     law = control.law.rescaling
     if law is None:
-        return f"law {control.law.name} lets go"
+        return f"law {control.law.name} is disengaging"
     for which, p, new in _changing(control, scaled):
         s, name = control.axes[which], control.names[which].name
         if p.divisor > 1:

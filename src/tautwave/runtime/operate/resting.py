@@ -39,7 +39,7 @@ class PullParams(NamedTuple):
         """Say why the device is not brought to a target [rad or m], empty if it may be."""
         if self.low <= target <= self.high:
             return ""
-        return f"its place, {target:.4g}, is outside of its position_range"
+        return f"its target, {target:.4g}, is outside its position_range"
 
 
 class Pull:
@@ -69,7 +69,7 @@ class Pull:
         """Say what may keep the device from its target."""
         if self.spent(s):
             return "its energy budget is used up"
-        return "something is in its way, or its friction is more than the rig's `coulomb`"
+        return "it is blocked, or its friction exceeds the rig's `coulomb`"
 
     def there(self, s: AxisState) -> bool:
         """Return whether the device is at its target."""

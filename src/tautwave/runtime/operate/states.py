@@ -84,6 +84,6 @@ def follow(now: Standing, word: str) -> Standing | None:
 def refusal(now: Standing, word: str) -> str:
     """Say why a command is refused, and what is possible."""
     if word == ENGAGE and now.faulted:
-        return "engage: refused after a fault; look at it, then: rest"
+        return "engage: rejected after a fault; check it, then send: rest"
     possible = [command for command in COMMANDS if follow(now, command) is not None]
-    return f"{word}: not while {now.state}; possible: {', '.join(possible) or 'nothing'}"
+    return f"{word}: not possible while {now.state}; possible: {', '.join(possible) or 'nothing'}"

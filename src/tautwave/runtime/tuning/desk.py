@@ -102,7 +102,7 @@ def _opened(address: dict[str, Any]) -> Iterator[int]:
             raise RecordingError("the run has ended")
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     except OSError as error:
-        raise RecordingError(f"the run has ended, or is not yours ({error})") from error
+        raise RecordingError(f"the run has ended or belongs to another user ({error})") from error
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield descriptor

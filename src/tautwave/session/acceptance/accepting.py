@@ -57,7 +57,7 @@ def accept(
     rig = load_rig(asked.rig)
     unknown = [name for name in asked.axes if name not in rig.axes]
     if unknown:
-        raise ConfigError(f"accept: there is no axis {unknown[0]!r}; {', '.join(rig.axes)}")
+        raise ConfigError(f"accept: no axis {unknown[0]!r}; axes: {', '.join(rig.axes)}")
     if asked.keys is not None:
         from tautwave.sites.certificates import identity_files
 
@@ -77,7 +77,7 @@ def accept(
                 f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
                 for key, value in check.measured.items()
             )
-            verdict = "good" if check.good else f"NOT GOOD, expected {check.expected}"
+            verdict = "good" if check.good else f"FAILED, expected {check.expected}"
             said = ": ".join(filter(None, (f"{check.stage} {check.what}", numbers, verdict)))
             talk.say(f"  {said}")
         checks += found
@@ -116,7 +116,7 @@ def _stage(
         yield from _watchdog(rig, talk, out, ways)
         return
     made: Mapping[str, Callable[[GuidedControl], Any]] = {
-        "identity": lambda control: control.ask("are these your devices? Enter"),
+        "identity": lambda control: control.ask("are these your devices? Press Enter"),
         "hand": lambda control: guides.sign_and_scale(rig, asked.axes, control),
         "limits": lambda control: guides.ranges(rig, asked.axes, control),
         "noise": lambda control: guides.noise(rig, asked.axes, control),
@@ -153,7 +153,7 @@ def _watchdog(rig: Rig, talk: Conversation, out: Path, ways: Ways) -> Iterator[C
     yield Check("watchdog", "loss", lost, "the loss is noticed", bool(sentence))
     if not sentence:
         return
-    ask_without_devices(talk, "plug it in again; does every axis turn freely? Enter")
+    ask_without_devices(talk, "plug it in again; does every axis move freely? Press Enter")
     back: dict[str, float | str]
     try:
         again = run_guided(
@@ -183,7 +183,7 @@ def _coupled(
     rig = load_rig(asked.rig, keys, choose=False)
     if rig.operate is not None:
         rig = load_rig(asked.rig, [*keys, "operate.start=engaged"], choose=False)
-    talk.say(f"  the rig engages for {asked.run_s:g} s: a hand loosely on the master")
+    talk.say(f"  the rig engages for {asked.run_s:g} s: hold the master loosely")
     result = run_rig(
         rig, out=out, clock=ways.clock, simulate=ways.simulate, attach=ways.attach,
         allow_unwatched=ways.allow_unwatched, configure=ways.configure,

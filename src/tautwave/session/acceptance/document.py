@@ -92,7 +92,7 @@ def verify(path: Path, keys: Path | None = None) -> Verified:
         raise ConfigError(f"{path}: cannot be read: {err.strerror}") from err
     except (ValueError, KeyError, TypeError, AttributeError) as err:
         raise ConfigError(
-            f"{path}: is not the acceptance.json that `tautwave accept` wrote, or was damaged"
+            f"{path}: is not an acceptance.json written by `tautwave accept`, or is damaged"
         ) from err
     wrong = []
     digest = content_digest(content)
@@ -103,7 +103,7 @@ def verify(path: Path, keys: Path | None = None) -> Verified:
         if not there.exists():
             wrong.append(f"{there}: is gone")
         elif file_digest(there) != expected:
-            wrong.append(f"{there}: is not the file that was sealed")
+            wrong.append(f"{there}: differs from the file that was sealed")
     signer = ""
     if keys is not None:
         try:
@@ -115,7 +115,7 @@ def verify(path: Path, keys: Path | None = None) -> Verified:
 
 def _signer(seal: Mapping[str, Any], content: Mapping[str, Any], digest: str, keys: Path) -> str:
     if "signature" not in seal:
-        raise ConfigError("is sealed, but not signed")
+        raise ConfigError("sealed, but not signed")
     from tautwave.sites.signing import Signature, signer_of
 
     try:

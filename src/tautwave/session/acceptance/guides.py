@@ -34,10 +34,10 @@ def sign_and_scale(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Che
     for name in axes:
         unit = _unit(rig, name)
         before = yield from mean_positions([name], control)
-        known_as = "an angle that you know, and hold; type it in degrees"
+        known_as = "a known angle and hold it; type it in degrees"
         if unit == "m":
-            known_as = "a distance that you know, and hold; type it in mm"
-        answer = yield from control.ask(f"{name}: move it the positive way by {known_as}")
+            known_as = "a known distance and hold it; type it in mm"
+        answer = yield from control.ask(f"{name}: move it in the positive direction by {known_as}")
         now = yield from mean_positions([name], control)
         moved = now[name] - before[name]
         known = _number(answer) * (math.pi / 180.0 if unit == "rad" else 1e-3)
@@ -57,7 +57,7 @@ def sign_and_scale(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Che
 def ranges(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
     """The position range of the rig is inside what the device can reach; no torque."""
     ends = {name: [control.position(name)] * 2 for name in axes}
-    for _ in control.ask("move every axis to both ends of its position_range; then Enter"):
+    for _ in control.ask("move every axis to both ends of its position_range; then press Enter"):
         for name, pair in ends.items():
             at = control.position(name)
             pair[0], pair[1] = min(pair[0], at), max(pair[1], at)
@@ -75,7 +75,9 @@ def ranges(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 
 def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
     """Devices that stand still are as quiet as the rig says; torque is on, without effort."""
-    yield from control.ask("torque comes on, without effort: take your hands off, then press Enter")
+    yield from control.ask(
+        "the drives are enabled with zero effort: take your hands off, then press Enter"
+    )
     slots = max(2, round(REST_S * 1e9 / control.run.period_ns))
     kept: dict[str, list[float]] = {name: [] for name in axes}
     for _ in range(slots):
@@ -100,7 +102,7 @@ def delays(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
     """A small step of effort moves the device its way, soon enough; dry friction gets a larger."""
     yield from control.ask(
         f"each axis gets a tenth of its effort limit for {STEP_S:g} s, and up to "
-        f"{STEP_SHARES[-1]:g} of it if that does not move it; keep clear, then Enter"
+        f"{STEP_SHARES[-1]:g} of it if it does not move; keep clear, then press Enter"
     )
     checks = []
     for name in axes:
@@ -148,13 +150,13 @@ def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
         for share in EFFORT_SHARES:
             effort = share * axis.effort_limit
             yield from control.ask(
-                f"{name}: hook the spring scale in, keep clear; Enter, and it pulls with "
+                f"{name}: attach the spring scale and keep clear; press Enter, and it pulls with "
                 f"{effort:.3g} {unit}"
             )
             control.push(name, effort)
             yield from _wait(control, SETTLE_S)
             rests += yield from rest_now(rig, name, effort, control)
-            answer = yield from control.ask(f"{name}: what does the scale read, in {unit}?")
+            answer = yield from control.ask(f"{name}: scale reading in {unit}:")
             control.push(name, 0.0)
             read = _number(answer)
             numbers: dict[str, float | str] = {
@@ -168,7 +170,7 @@ def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 
 def unplugging(control: GuidedControl) -> Generator[None, None, None]:
     """Wait for the cable to be pulled: the loss of its devices ends this."""
-    for _ in control.ask("torque is on, without effort: pull the bus' cable now"):
+    for _ in control.ask("the drives are enabled with zero effort: unplug the bus cable now"):
         yield
 
 

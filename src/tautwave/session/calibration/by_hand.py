@@ -22,7 +22,7 @@ MARGIN = 0.02
 
 
 class Measured(NamedTuple):
-    """Of one axis, as its device counts [rad or m]; None: not measured."""
+    """Of one axis, in device coordinates [rad or m]; None: not measured."""
 
     pose: float | None = None
     direction: int | None = None
@@ -56,12 +56,12 @@ def _side(
 ) -> Generator[None, None, None]:
     if ZERO in steps or DIRECTION in steps:
         yield from control.ask(
-            f"{side}: bring {_listed(own)} to the zero pose and hold; then press Enter"
+            f"{side}: move {_listed(own)} to the zero pose and hold; then press Enter"
         )
         poses = yield from mean_positions(own, control)
         for name, pose in poses.items():
             found[name] = found[name]._replace(pose=pose)
-            control.say(f"  {name}: {pose:+.4f} {_unit(rig, name)} as its device counts")
+            control.say(f"  {name}: {pose:+.4f} {_unit(rig, name)} in device coordinates")
     if DIRECTION in steps:
         for at, name in enumerate(own):
             # What was shown before may be on its way back.
@@ -98,14 +98,14 @@ def _direction(
         moved = {one: now[one] - before[one] for one in own}
         most = max(own, key=lambda one: abs(moved[one]) / least[one])
         if abs(moved[most]) < least[most]:
-            why = f"nothing has moved by {least[name]:g} {_unit(rig, name)}; once more: "
+            why = f"nothing moved by at least {least[name]:g} {_unit(rig, name)}; try again: "
         elif most != name:
-            why = f"that was {most}; once more: "
+            why = f"that was {most}; try again: "
         else:
             break
     direction = 1 if moved[name] > 0.0 else -1
     found[name] = found[name]._replace(direction=direction)
-    words = "as its device counts" if direction > 0 else "against its device's counting"
+    words = "as its device counts" if direction > 0 else "opposite to its device's counting"
     control.say(f"  {name}: moved by {moved[name]:+.4f} {_unit(rig, name)}, so positive is {words}")
 
 
@@ -125,7 +125,7 @@ def _ranges(
     why = ""
     while True:
         question = (
-            f"{why}{side}: move {_listed(own)} to both ends of where each may go; then press Enter"
+            f"{why}{side}: move {_listed(own)} to both ends of the allowed range; then press Enter"
         )
         for _ in control.ask(question):
             for name, pair in ends.items():
@@ -136,12 +136,12 @@ def _ranges(
         short = [name for name, (a, b) in ends.items() if b - a < LEAST[rig.axes[name].kind]]
         if not short:
             break
-        why = f"{_listed(short)} has hardly moved; "
+        why = f"{_listed(short)} hardly moved; "
     for name, (low, high) in ends.items():
         margin = MARGIN * (high - low)
         low, high = low + margin, high - margin
         found[name] = found[name]._replace(low=low, high=high)
-        control.say(f"  {name}: {low:+.4f} to {high:+.4f} {_unit(rig, name)} as its device counts")
+        control.say(f"  {name}: {low:+.4f} to {high:+.4f} {_unit(rig, name)} in device coordinates")
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -34,7 +34,9 @@ def stop_law(rig: Rig, name: str) -> AlignParams:
     """Return the law that takes an axis to its stop; needs its inertia's lower bound."""
     axis = rig.axes[name]
     if axis.inertia is None:
-        raise SafetyStop(f"{name} takes velocities: its stop is not looked for; give it a pose")
+        raise SafetyStop(
+            f"{name} is velocity-controlled, so its stop cannot be searched for; use the zero pose"
+        )
     period = rig.axis_period_s(name)
     return align_law(
         axis.inertia.lower,
@@ -57,7 +59,7 @@ def find_stops(
     Parameters
     ----------
     ways : mapping
-        By axis +1 or -1: which way, as its device counts.
+        By axis +1 or -1: which way, in device coordinates.
 
     Raises
     ------
@@ -65,13 +67,13 @@ def find_stops(
         An axis finds no stop.
     """
     yield from control.ask(
-        f"{', '.join(ways)}: torque comes on, and each axis moves to its stop in turn; keep clear, "
-        "then press Enter"
+        f"{', '.join(ways)}: the drives are enabled, and each axis moves to its stop in turn; "
+        "keep clear, then press Enter"
     )
     found = {}
     for name, way in ways.items():
         found[name] = yield from _find(control, name, way, stop_law(rig, name))
-        control.say(f"  {name}: stop at {found[name]:+.4f} as its device counts")
+        control.say(f"  {name}: stop at {found[name]:+.4f} in device coordinates")
     return found
 
 
@@ -83,8 +85,8 @@ def _find(
     while control.now_ns - moved_ns < 1e9 * REST_S:
         if control.now_ns - begun > 1e9 * LONGEST_S:
             raise SafetyStop(
-                f"{name}: no stop within {LONGEST_S:g} s; is there one that way? Its effort limit "
-                "may be too low to get there"
+                f"{name}: no stop found within {LONGEST_S:g} s; is there one in that direction? "
+                "The effort limit may be too low to reach it"
             )
         position, velocity = control.position(name), control.velocity(name)
         reference, rate = move_reference(law, reference, rate, way * FAR)

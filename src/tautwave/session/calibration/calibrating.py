@@ -139,15 +139,15 @@ def uncalibrated(rig: Rig) -> Rig:
 def _check(path: Path, rig: Rig, asked: Asked) -> None:
     unknown = [name for name in (*asked.axes, *asked.stops) if name not in rig.axes]
     if unknown:
-        raise ConfigError(f"calibrate: there is no axis {unknown[0]!r}; {', '.join(rig.axes)}")
+        raise ConfigError(f"calibrate: no axis {unknown[0]!r}; axes: {', '.join(rig.axes)}")
     for name, at in asked.stops.items():
         if at == 0.0:
-            raise ConfigError(f"calibrate: --stop {name}=0 does not say which way its stop is")
+            raise ConfigError(f"calibrate: --stop {name}=0 does not give the direction of the stop")
     for place in (path, path.parent):
         if not os.access(place, os.W_OK):  # not only at the end of all the questions
             raise ConfigError(
-                f"calibrate: {place} may not be written, and the calibration goes beside the rig, "
-                "which names it; use a copy of the rig in a folder of yours"
+                f"calibrate: {place} is not writable, and the calibration is stored next to the "
+                "rig file; copy the rig to a directory that you can write to"
             )
 
 
@@ -235,16 +235,20 @@ def _identified(
         try:
             found = shaken(share, longer)
         except RecordingError:
-            talk.say(f"  {name}: {share:.0%} of its effort limit does not move it enough; more")
+            talk.say(
+                f"  {name}: {share:.0%} of its effort limit does not move it enough; increasing"
+            )
             continue
         if found.fit.damping.lower > 0.0:
             return found
-        talk.say(f"  {name}: its damping cannot be distinguished from its friction yet; longer")
+        talk.say(
+            f"  {name}: its damping cannot be distinguished from its friction yet; exciting longer"
+        )
     try:
         return shaken(*most)
     except RecordingError as error:
         raise RecordingError(
-            f"{name} cannot be identified with all of its effort limit; free it, or raise "
+            f"{name} cannot be identified even at its full effort limit; free it, or raise "
             f"effort_limit: {error.__cause__}"
         ) from error
 

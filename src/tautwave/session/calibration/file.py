@@ -26,7 +26,7 @@ def calibration_text(rig_name: str, axes: Axes) -> str:
     lines = [
         f"# Calibration of rig {rig_name}, by `tautwave calibrate`, "
         f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC. The rig file names it by its SHA-256:",
-        "# a change here is refused until `tautwave calibrate` has run again. SI units.",
+        "# a manual change is rejected until `tautwave calibrate` runs again. SI units.",
         "axes:",
     ]
     for name, found in axes.items():
@@ -56,7 +56,7 @@ def named_in(rig_text: str, file: str, text: str) -> str:
     )
     if not count:
         raise ConfigError(
-            f"the rig file has no line `name: ...`; write below its name: {line.strip()}"
+            f"the rig file has no line `name: ...`; add this below its name: {line.strip()}"
         )
     return named
 

@@ -32,7 +32,7 @@ def kernel(root: Path, version: str) -> Finding:
         "kernel",
         COSTS,
         "not PREEMPT_RT",
-        "something else delays a cycle now and then (measure: `tautwave bench loop`)",
+        "other activity occasionally delays a cycle (measure: `tautwave bench loop`)",
         RT_PACKAGES.get(system, "install your distribution's real-time kernel"),
     )
 
@@ -43,16 +43,16 @@ def throttling(root: Path) -> Finding:
     period = _number(root / "proc/sys/kernel/sched_rt_period_us") or 1_000_000
     mend = "sudo sysctl -w kernel.sched_rt_runtime_us=950000"
     if runtime is None:
-        return Finding("real-time throttling", UNKNOWN, "the kernel does not say")
+        return Finding("real-time throttling", UNKNOWN, "unknown to the kernel")
     if runtime < 0:
         return Finding(
             "real-time throttling", COSTS, "off",
-            "a loop that hangs takes its core with it, and the terminal may be on it", mend,
+            "a hung loop blocks its core, possibly with your terminal on it", mend,
         )  # fmt: skip
     found = f"{runtime / period:.0%} of each {1e-6 * period:g} s"
     if runtime < 0.8 * period:
         return Finding(
-            "real-time throttling", COSTS, found, "the loop is held up for the rest of it", mend
+            "real-time throttling", COSTS, found, "the loop is suspended for the rest of it", mend
         )
     return Finding("real-time throttling", GOOD, found)
 
@@ -71,7 +71,7 @@ def priority(wanted: int) -> Finding:
             what,
             COSTS,
             f"SCHED_FIFO {wanted} refused ({err.strerror}); rtprio limit {limit}",
-            "every other program may delay a cycle",
+            "any other program may delay a cycle",
             f"echo '{_user()} - rtprio 99' | sudo tee -a {LIMITS}   # then log in again",
         )
     os.sched_setscheduler(0, before, parameters)
@@ -98,14 +98,14 @@ def governor(root: Path) -> Finding:
     files = sorted(root.glob("sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
     names = sorted({name for name in map(_read, files) if name})
     if not names:
-        return Finding("CPU governor", GOOD, "no frequency scaling here")
+        return Finding("CPU governor", GOOD, "no frequency scaling")
     if names == ["performance"]:
         return Finding("CPU governor", GOOD, "performance")
     return Finding(
         "CPU governor",
         COSTS,
         ", ".join(names),
-        "cores slow down between cycles, so each begins late and computes longer",
+        "cores slow down between cycles, so each starts late and takes longer",
         "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor",
     )
 
@@ -115,8 +115,8 @@ def cores(count: int) -> Finding:
     if count >= 2:
         return Finding("cores", GOOD, str(count))
     return Finding(
-        "cores", COSTS, "1", "the recorder, a process of its own, shares the loop's core",
-        "give the machine a second core",
+        "cores", COSTS, "1", "the recorder, a separate process, shares the loop's core",
+        "use a machine with a second core",
     )  # fmt: skip
 
 
@@ -126,18 +126,18 @@ def clock(root: Path) -> Finding:
     source = _read(folder / "current_clocksource")
     if time.clock_getres(time.CLOCK_MONOTONIC) > 1e-6:
         return Finding(
-            "clock", BARS, "no high-resolution timers", "cycles end on the kernel's ticks",
+            "clock", BARS, "no high-resolution timers", "wake-ups are limited to kernel ticks",
             "boot without highres=off",
         )  # fmt: skip
     if not source:
-        return Finding("clock", UNKNOWN, "the kernel does not say")
+        return Finding("clock", UNKNOWN, "unknown to the kernel")
     if source in FAST_CLOCKS:
         return Finding("clock", GOOD, source)
-    mend = "the processor offers no faster one"
+    mend = "the processor has no faster one"
     if "tsc" in _read(folder / "available_clocksource").split():
         mend = f"echo tsc | sudo tee /{folder.relative_to(root)}/current_clocksource"
     return Finding(
-        "clock", COSTS, source, "each look at the time is a system call, several a cycle", mend
+        "clock", COSTS, source, "each clock read is a system call, several per cycle", mend
     )
 
 

@@ -37,7 +37,7 @@ def serial_port(port: str, root: Path) -> Iterator[Finding]:
     if not path.exists():
         yield Finding(
             port, BARS, "is not there", "the run cannot open it",
-            "plug the adapter in; `ls /dev/serial/by-id` lists those there are",
+            "plug in the adapter; `ls /dev/serial/by-id` lists the adapters present",
         )  # fmt: skip
         return
     if not os.access(path, os.R_OK | os.W_OK):
@@ -48,7 +48,7 @@ def serial_port(port: str, root: Path) -> Iterator[Finding]:
     timer = root / "sys/bus/usb-serial/devices" / path.resolve().name / "latency_timer"
     text = _read(timer)
     if not text.isdigit():
-        yield Finding(port, GOOD, "no latency timer to be set")
+        yield Finding(port, GOOD, "no latency timer")
     elif int(text) <= LONGEST_TIMER_MS:
         yield Finding(port, GOOD, f"latency timer {text} ms")
     else:
@@ -65,7 +65,7 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
     if not net.exists():
         yield Finding(
             channel, BARS, "is not there", "the run cannot open it",
-            "plug the adapter in and load its driver; `ip link` lists those there are",
+            "plug in the adapter and load its driver; `ip link` lists the interfaces present",
         )  # fmt: skip
         return
     details = links(channel)
@@ -78,7 +78,7 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
         yield Finding(channel, BARS, "down", "no frame passes", up)
     elif rate is not None and bitrate is not None and rate != bitrate:
         yield Finding(
-            channel, BARS, f"{rate} bit/s, the rig has {bitrate}", "drives see errors only",
+            channel, BARS, f"{rate} bit/s, but the rig states {bitrate}", "drives see errors only",
             f"sudo ip link set {channel} down; {up}",
         )  # fmt: skip
     else:
@@ -93,11 +93,11 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
     if queue.isdigit() and int(queue) < LEAST_QUEUE:
         yield Finding(
             channel, COSTS, f"queue of {queue} frames",
-            "a cycle that sends more at once loses frames",
+            "frames beyond that in one cycle are lost",
             f"sudo ip link set {channel} txqueuelen 100",
         )  # fmt: skip
     elif not queue.isdigit():
-        yield Finding(channel, UNKNOWN, "queue length: the kernel does not say")
+        yield Finding(channel, UNKNOWN, "queue length: unknown to the kernel")
 
 
 def link_details(channel: str) -> Mapping[str, Any]:

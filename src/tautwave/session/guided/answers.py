@@ -49,7 +49,9 @@ class Typed:
             self._data = rest
             return line.decode("utf-8", "replace").strip()
         if self._ended:
-            raise ConfigError("no answer: the input has ended; type, or give --script FILE")
+            raise ConfigError(
+                "no answer: end of input; answer at a terminal, or give --script FILE"
+            )
         return None
 
 
@@ -67,7 +69,7 @@ class Scripted:
             self._left.pop(0)
         self._asked_ns, self._waited_for = now_ns, True
         if not self._left:
-            raise ConfigError("the script has fewer answers than there are questions")
+            raise ConfigError("the script has fewer answers than questions")
 
     def take(self, now_ns: int) -> str | None:
         """Return the next answer once it is due."""
@@ -99,7 +101,7 @@ def read_answers(text: str, name: str) -> Scripted:
             continue
         found.append((seconds, answer))
     if len(problems) > MANY and not found:
-        raise ConfigError(f"{name}: no line of it is SECONDS ANSWER, such as `1.5 yes`")
+        raise ConfigError(f"{name}: contains no line SECONDS ANSWER, such as `1.5 yes`")
     if problems:
         raise ConfigError(problems)
     return Scripted(found)

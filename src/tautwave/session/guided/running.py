@@ -112,7 +112,9 @@ def run_guided(
         raise BusBudgetError("\n".join(problems))
     slow = [name for name, bus in rig.buses.items() if bus.divisor > 1]
     if slow:
-        raise ConfigError(f"buses.{slow[0]}.divisor: every axis is read in every cycle here")
+        raise ConfigError(
+            f"buses.{slow[0]}.divisor: must be 1 here: every axis is read in every cycle"
+        )
     # Devices simulated in this process are held until they are enabled.
     torque = torque or any(way.way is Way.MEMORY for way in taken.values())
     here = any(way.way in (Way.MEMORY, Way.SERVED) for way in taken.values())
@@ -164,7 +166,7 @@ def run_guided(
     control = assembly.control
     assert isinstance(control, GuidedControl)
     if not control.over:
-        raise ConfigError(f"the procedure was not over after {longest_s:g} s")
+        raise ConfigError(f"the procedure did not finish within {longest_s:g} s")
     said = {k: v for bus in assembly.buses for k, v in identities(bus.driver).items()}
     notes = [note for bus in assembly.buses for note in getattr(bus.driver, "notes", ())]
     return Guided(control.result, said, notes)

@@ -187,8 +187,8 @@ class Excitation:
         room = min(position - plan.low, plan.high - position)
         if room < LEAST_ROOM * (plan.high - plan.low):
             raise SafetyStop(
-                f"{plan.axis} stands at {position:.4g}, at the end of its range"
-                f" [{plan.low:g}, {plan.high:g}]; move it towards the middle"
+                f"{plan.axis} is at {position:.4g}, at the end of its range [{plan.low:g}, "
+                f"{plan.high:g}]; move it towards the middle"
             )
         self.centre = position
         self._reach = min(plan.reach, ROOM_SHARE * room)

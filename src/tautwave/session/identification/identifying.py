@@ -139,7 +139,7 @@ def axis_to_identify(rig: Rig, name: str | None) -> str:
             return able[0]
         if not able:
             raise ConfigError(
-                f"{rig.name}: no axis is commanded by effort, so none can be identified"
+                f"{rig.name}: no axis is effort-controlled, so none can be identified"
             )
         raise ConfigError(f"{rig.name}: choose an axis with --axis: {', '.join(able)}")
     if name not in rig.axes:
@@ -151,7 +151,7 @@ def axis_to_identify(rig: Rig, name: str | None) -> str:
         )
     if rig.axes[name].position_range is None:
         raise ConfigError(
-            f"{name} has no position_range, and is not excited without one; add it to the rig, or "
+            f"{name} has no position_range, which excitation requires; add it to the rig, or "
             f"give --set '{_key(name)}.position_range=[LOW, HIGH]'"
         )
     return name
@@ -332,8 +332,9 @@ def _tell(name: str, error: BaseException, lost: str | None) -> None:
     more = f"; {lost}" if lost else ""
     if isinstance(error, SafetyStop):
         raise SafetyStop(
-            f"{error}; all axes stopped safely. To identify {name}, let nothing hold or load it, "
-            f"start it in the middle of its range, or give a smaller --reach or --share{more}"
+            f"{error}; all axes stopped safely. To identify {name}, make sure that nothing holds "
+            "or loads it, start it in the middle of its range, or give a smaller --reach or "
+            f"--share{more}"
         ) from error
     if isinstance(error, TautwaveError):
         raise type(error)(f"{error}{more}") from error
@@ -385,6 +386,7 @@ def _doubts(fit: DeviceFit, plan: Plan) -> list[str]:
         )
     if fit.damping.upper < 0.0:
         notes.append(
-            "Doubtful: negative damping; the driver acts later than the command_delay it declares."
+            "Doubtful: negative damping; commands act later than the "
+            "command_delay that the driver declares."
         )
     return notes

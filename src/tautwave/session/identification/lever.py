@@ -189,7 +189,7 @@ def _doubts(found: LeverResult) -> list[str]:
     notes = []
     if found.turned:
         notes.append(
-            f"{found.series.effort_name} counts against the position: its sign was turned."
+            f"{found.series.effort_name} counts against the position: its sign was inverted."
         )
     if fit.explained < DOUBTFUL or fit.inertia.lower <= 0.0:
         notes.append(
@@ -205,7 +205,10 @@ def _doubts(found: LeverResult) -> list[str]:
     if fit.outside is not None:
         one = fit.outside
         if one.lower <= 0.0 <= one.upper:
-            notes.append(f"{found.outside_name} explains nothing: its scale may as well be zero.")
+            notes.append(
+                f"{found.outside_name} explains nothing: its scale is not "
+                "distinguishable from zero."
+            )
         elif abs(abs(one.value) - 1.0) > WRONG:
             notes.append(
                 f"By the motor's effort, one unit of {found.outside_name} is {one.value:.3g} "
@@ -214,8 +217,8 @@ def _doubts(found: LeverResult) -> list[str]:
         offset = found.sensor_offset
         if offset is not None and abs(offset.value) > max(fit.coulomb.value, 0.0):
             notes.append(
-                f"{found.outside_name} shows {offset.value:.3g} without an effort, or the lever "
-                "weighs that: more than friction holds at rest."
+                f"{found.outside_name} reads {offset.value:.3g} at zero effort, or the lever has "
+                "that weight: more than friction can hold at rest."
             )
     if float(np.max(np.abs(fit.effort))) > 0.0 and fit.damping.lower <= 0.0:
         notes.append("The damping is not distinguishable from zero: its lower bound is 0.")

@@ -79,8 +79,8 @@ def too_little(series: Series, why: ValueError) -> RecordingError:
     """Return why nothing can be found in a series, with what is missing in it."""
     missing = np.count_nonzero(~series.known)
     gaps = (
-        f"; {missing} of {len(series.known)} samples are missing, and the filter takes none for "
-        "granted: choose a part without gaps with --from and --to"
+        f"; {missing} of {len(series.known)} samples are missing, and the filter does not fill "
+        "gaps: choose a part without gaps with --from and --to"
     )
     return RecordingError(f"{series.source}: {why}{gaps if missing else ''}")
 
@@ -143,7 +143,7 @@ def _read(
     if source.is_dir():
         source = source / "recording.mcap"
     if not source.is_file():
-        raise RecordingError(f"{source}: there is no such recording")
+        raise RecordingError(f"{source}: no such recording")
     if source.suffix != ".mcap":
         if axis is not None:
             raise ConfigError(
@@ -322,7 +322,7 @@ def _one(
             f"{path}: several columns could be the {what} ({', '.join(able)}); choose with {option}"
         )
     raise ConfigError(
-        f"{path}: no column is named as the {what}; name it with {option}"
+        f"{path}: no column name matches the {what}; give it with {option}"
         f" (there are {', '.join(header) or 'none'})"
     )
 
@@ -359,7 +359,7 @@ def mcap_columns(
             raise ConfigError(f"{path}: choose an axis with --axis: {', '.join(outside)}")
         if not able:
             raise ConfigError(
-                f"{path}: no axis measured external effort; give --position and --effort"
+                f"{path}: no axis measured an external effort; give --position and --effort"
             )
         axis = able[0]
     if effort is None and axis not in outside:

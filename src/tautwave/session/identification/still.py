@@ -119,14 +119,14 @@ def identify_still(
 def _doubts(series: Series, fit: NoiseFit) -> list[str]:
     if fit.quantum is None:
         return [
-            "The position never changes, so that its noise is below the step, and the step is "
-            "unknown: take encoder_quantum from the data sheet."
+            "The position never changes, so its noise is below the step, and the step is unknown: "
+            "take encoder_quantum from the data sheet."
         ]
     notes = []
     if fit.autocorrelation is None:
         notes.append(
             "The noise is below half a step and cannot be distinguished from it; its colour stays "
-            "unknown, so that the worst one counts."
+            "unknown, so the worst case is assumed."
         )
     else:
         notes.append(
@@ -134,7 +134,9 @@ def _doubts(series: Series, fit: NoiseFit) -> list[str]:
             "the axis changes."
         )
     if fit.lag_error > GREATEST_ERROR:
-        notes.append(f"Doubtful: the lags are known to {fit.lag_error:.2g} only; record longer.")
+        notes.append(
+            f"Doubtful: the lags are known only to within {fit.lag_error:.2g}; record longer."
+        )
     if fit.quantum == 0.0:
         notes.append("Any step of the values is hidden by the noise.")
     return notes

@@ -68,7 +68,7 @@ class SlowMotion:
         axis = rig.axes[axis_name]
         if axis.inertia is None or axis.position_range is None:
             raise ConfigError(
-                f"{axis_name} has no position_range, and is not moved without one; add it"
+                f"{axis_name} has no position_range, which this motion requires; add it"
             )
         self._name = axis_name
         self._low, self._high = axis.position_range
@@ -92,8 +92,8 @@ class SlowMotion:
         room = min(position - self._low, self._high - position)
         if room < 0.1 * (self._high - self._low):
             raise SafetyStop(
-                f"{self._name} stands at {position:.4g}, at the end of its range"
-                f" [{self._low:g}, {self._high:g}]; move it towards the middle"
+                f"{self._name} is at {position:.4g}, at the end of its range [{self._low:g}, "
+                f"{self._high:g}]; move it towards the middle"
             )
         self._centre = position
         self._reach = min(self._reach, ROOM_SHARE * room)

@@ -40,18 +40,16 @@ def select(text: str, buses: Sequence[FoundBus], what: str) -> list[Chosen]:
         name, colon, ids = part.partition(":")
         if not colon and name not in known:
             if len(buses) > 1:
-                raise ConfigError(
-                    f"{what} {part!r}: there are buses {', '.join(known)}; write BUS:IDS"
-                )
+                raise ConfigError(f"{what} {part!r}: buses: {', '.join(known)}; write BUS:IDS")
             name, ids = next(iter(known)), part
         if name not in known:
-            raise ConfigError(f"{what}: there is no bus {name!r}; found: {', '.join(known)}")
+            raise ConfigError(f"{what}: no bus {name!r}; found: {', '.join(known)}")
         found += [Chosen(known[name], one) for one in _devices(known[name], ids, what)]
     twice = [one for one in found if found.count(one) > 1]
     if twice:
         raise ConfigError(f"{what}: {twice[0].bus.name}:{twice[0].device.id} is named twice")
     if not found:
-        raise ConfigError(f"{what}: names no device")
+        raise ConfigError(f"{what}: lists no devices")
     return found
 
 
@@ -105,6 +103,6 @@ def numbers(text: str, what: str) -> list[int]:
             raise ConfigError(f"{what} {text!r}: write ids like 1-6 or 1,2,5")
         begin, end = int(ends[0]), int(ends[1])
         if not begin <= end <= 255:
-            raise ConfigError(f"{what} {text!r}: ids are 0 to 255, the smaller one first")
+            raise ConfigError(f"{what} {text!r}: ids are 0 to 255, the lower one first")
         found += range(begin, end + 1)
     return found

@@ -32,14 +32,15 @@ def draft_text(draft: Draft) -> str:
 
 
 def _lines(draft: Draft) -> Iterator[str]:
-    yield "# Written by `tautwave new`. What is marked TODO only you can know: settle each before"
-    yield "# anything moves, and remove the mark. Then calibrate (--configure once), check, run."
+    yield (
+        "# Written by `tautwave new`. Only you know the values marked "
+        "TODO: settle each of them before"
+    )
+    yield "# anything moves, then remove the mark. Then calibrate (--configure once), check, run."
     yield ""
     yield f"name: {flow_yaml(draft.name)}"
-    yield _line(
-        0, "rate_hz", Setting(draft.rate_hz, "[Hz] seven tenths of what the buses allow, or less")
-    )
-    yield _line(0, "operate", Setting({}, "idle at first; keys and commands engage it"))
+    yield _line(0, "rate_hz", Setting(draft.rate_hz, "[Hz] at most 70 % of what the buses allow"))
+    yield _line(0, "operate", Setting({}, "starts idle; keys and commands engage it"))
     yield _line(0, "require", Setting("passive", "nothing moves without this certificate"))
     yield _line(0, "loop", Setting({"missing_limit": 3, "overrun_limit": 5}, ""))
     yield ""
@@ -53,17 +54,17 @@ def _lines(draft: Draft) -> Iterator[str]:
         yield from _side(side, chosen, draft.joints)
     yield ""
     yield "coupling:"
-    yield _line(1, "law", Setting("wave", "impedances, filters and poles: the law's own choice"))
-    yield _line(1, "engage_ramp_s", Setting(1.0, "forces come up over a second"))
+    yield _line(1, "law", Setting("wave", "impedances, filters and poles chosen by the law"))
+    yield _line(1, "engage_ramp_s", Setting(1.0, "forces fade in over a second"))
     kind = draft.master[0].device.axis["kind"].value
     tolerance, unit = NEAR[kind]
     yield "  defaults:"
     yield _line(
         2,
         "offset",
-        Setting("at_engage", "TODO: 0 once calibrated: the slave comes to its master first"),
+        Setting("at_engage", "TODO: 0 once calibrated: the slave then moves to its master first"),
     )
-    yield _line(2, "engage_tolerance", Setting(tolerance, f"[{unit}] how near it has to be then"))
+    yield _line(2, "engage_tolerance", Setting(tolerance, f"[{unit}] how close it must be then"))
     yield "  pairs:"
     for joint in draft.joints:
         yield f"    {joint}: {{}}"

@@ -33,5 +33,5 @@ def fitted_text(draft: Draft, path: Path) -> str:
         fastest = min(cost.greatest_rate_hz for cost in budgets.values())
         if rate_hz <= SHARE * fastest and not over_budget(rig, budgets):
             return text
-        refusal = ConfigError(f"new: no rate down to {RATES_HZ[-1]} Hz fits the buses")
+        refusal = ConfigError(f"new: the buses cannot sustain even {RATES_HZ[-1]} Hz")
     raise refusal

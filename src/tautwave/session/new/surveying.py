@@ -87,7 +87,7 @@ def surveyor(driver: str, plugin: DriverPlugin) -> Survey:
         It does not.
     """
     if plugin.survey is None or plugin.scan_options is None:
-        raise ConfigError(f"new: driver {driver} cannot be surveyed; write its bus by hand")
+        raise ConfigError(f"new: driver {driver} does not support scanning; write its bus by hand")
     return plugin.survey
 
 

@@ -53,7 +53,9 @@ def claim_sessions(summary: dict[str, Any]) -> None:
 
 def lost_words(peer: str, since_s: float, why: str) -> str:
     """Say since when [s] and why the other site is lost."""
-    return f"{peer} is lost since {since_s:.3f} s: {why or 'nothing came from it'}; not back"
+    return (
+        f"{peer} has been lost since {since_s:.3f} s: {why or 'nothing received from it'}; not back"
+    )
 
 
 def unready_words(peer: str, hindrance: str) -> str:

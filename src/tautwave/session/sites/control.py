@@ -270,14 +270,14 @@ class SiteControl(CoupledControl):
             if stood > self._limits.silence_ns:  # the motors held their last commands so long
                 self._hold(slot, f"this program was suspended for {stood * 1e-9:.3g} s")
             elif silent or self._left:
-                self._hold(slot, self._left or "nothing came from it")
+                self._hold(slot, self._left or "nothing received from it")
         elif came and not self._left:
             owed = max(
                 abs(self._site.owed(end, k, self.table, self.axes[i], self.params[i]))
                 for (end, k, _), i in zip(self._ends, self._own, strict=True)
             )
             if owed > self._limits.backlog:
-                self._renew(f"{owed:.3g} of motion were missed, greatest_backlog is less")
+                self._renew(f"{owed:.3g} of motion were missed, more than greatest_backlog")
             else:
                 self._go_on(slot)
         else:

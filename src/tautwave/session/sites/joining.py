@@ -125,7 +125,7 @@ def joined(rig: Rig, tell: Callable[[str], None]) -> Iterator[Joined]:
     else:
         peer = resolved(order.host, order.port)
         sock = open_socket("::" if ":" in peer[0] else "", 0)
-        tell(f"{order.site} looks for {order.peer} at {order.host}:{order.port}")
+        tell(f"{order.site} is trying to reach {order.peer} at {order.host}:{order.port}")
     line = DeskLine(order)
     try:
         session = line.wait(order.peer, rig.sites.wait_s, tell)

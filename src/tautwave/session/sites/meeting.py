@@ -169,7 +169,7 @@ class Meeting:
             for k in self.known()
             if math.fabs(self._gap(k, far)) > self._approach.tolerances[k]
         ]
-        return f"{', '.join(found)} moved away before it began" if found else ""
+        return f"{', '.join(found)} moved before the session began" if found else ""
 
     def begun(self) -> Mapping[str, float]:
         """Say that this site has begun; return where [rad or m]."""

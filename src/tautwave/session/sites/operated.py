@@ -144,16 +144,19 @@ class OperatedSite(SiteControl):
         if word not in WORDS:
             return unknown(word)
         if word == st.SCALE:
-            return "scale: not at one of two sites: both ends would have to change in one slot"
+            return (
+                "scale: not available with two sites: both ends would have "
+                "to change in the same slot"
+            )
         if word == EPISODE:
             return self.journal.misplaced(argument)
         resets = word == st.REST and self._suspect
         if not resets and st.follow(self.standing, word) is None:
             return st.refusal(self.standing, word)
         if word == st.ENGAGE and self._left and not self._renewing:
-            return f"engage: {self.peer} is not there: {self._left}"
+            return f"engage: {self.peer} is not connected: {self._left}"
         if word == st.ENGAGE and (loose := self.inbox.loose()):
-            return f"engage: hold the dead-man first: {', '.join(loose)}"
+            return f"engage: press the dead-man first: {', '.join(loose)}"
         return ""
 
     def _mark(self, argument: str, source: str) -> None:
@@ -344,7 +347,7 @@ class OperatedSite(SiteControl):
         self.wants_reset = False
         self._slot = slot
         if refusal:
-            self._event(st.FAULT, f"the devices are not back: {refusal}")
+            self._event(st.FAULT, f"the devices have not recovered: {refusal}")
             return
         self._suspect = False
         self._meeting.rest.dead.clear()

@@ -21,9 +21,10 @@ class Protocol(Block):
     rig: Annotated[str, Field(min_length=1)] = Field(
         description="The rig file; a relative path starts at the protocol's folder."
     )
-    task: str = Field(default="", description="What the participant does, in the table.")
+    task: str = Field(default="", description="Task of the participant, as written in the table.")
     conditions: Annotated[dict[Name, dict[str, Any]], Field(min_length=1)] = Field(
-        description="By name the keys that it changes, as for --set: `{coupling.delay_s: 0.05}`."
+        description="Conditions by name, each with the keys that it changes, as for "
+        "--set: `{coupling.delay_s: 0.05}`."
     )
     repetitions: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=1, description="Trials of each condition."
@@ -38,7 +39,7 @@ class Protocol(Block):
     break_every: Annotated[int, Field(ge=0)] = Field(
         default=0, description="Trials between breaks; 0: no breaks."
     )
-    break_s: NonNegative = Field(default=0.0, description="[s] A break lasts so long at least.")
+    break_s: NonNegative = Field(default=0.0, description="[s] Minimum length of a break.")
     ask: bool = Field(default=True, description="Ask after each trial whether it was a success.")
 
 

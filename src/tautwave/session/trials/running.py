@@ -135,11 +135,11 @@ def _keep_protocol(study: Study) -> None:
         before = parse_json(path.read_text(encoding="utf-8"))
         changed = [key for key, value in said.items() if before[key] != value]
     except (OSError, ValueError, KeyError, TypeError) as err:
-        raise ConfigError(f"{path}: is no protocol of a study; give another --out") from err
+        raise ConfigError(f"{path}: is not a study protocol; give another --out") from err
     if changed:
         raise ConfigError(
-            f"trials: {', '.join(changed)} changed since this study began ({path}); put it back, "
-            "or begin another study with another --out"
+            f"trials: {', '.join(changed)} changed since this study began ({path}); restore the "
+            "original, or start a new study with another --out"
         )
 
 
@@ -196,7 +196,7 @@ def _read(path: Path) -> list[dict[str, Any]]:
             return rows
     except (ValueError, TypeError, csv.Error):
         pass
-    raise ConfigError(f"{path}: is no table of trials; give another --out")
+    raise ConfigError(f"{path}: is not a table of trials; give another --out")
 
 
 def _write(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -160,7 +160,7 @@ def load_numba() -> Any:
     except ImportError as err:
         raise ConfigError(
             "the compiled simulation needs numba: pip install 'tautwave[fast]', "
-            'or simulate(rig, engine="python"), which is some thousand times slower'
+            'or simulate(rig, engine="python"), which is several thousand times slower'
         ) from err
 
 

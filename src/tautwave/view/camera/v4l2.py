@@ -137,7 +137,7 @@ class V4l2:
         can = own if can & HAS_DEVICE_CAPS else can
         if not (can & CAN_CAPTURE and can & CAN_STREAM):
             raise ConfigError(
-                f"{camera.device}: is no camera that streams; see v4l2-ctl --list-devices"
+                f"{camera.device}: is not a streaming camera; see v4l2-ctl --list-devices"
             )
         for wanted in (MJPEG, YUYV):
             block = FORMAT.pack(CAPTURE, camera.width, camera.height, wanted, ANY_FIELD, 0, 0, 0, 0)
@@ -146,13 +146,13 @@ class V4l2:
             if self.format == wanted:
                 break
         if self.format not in (MJPEG, YUYV):
-            raise ConfigError(f"{camera.device}: gives neither MJPEG nor YUYV pictures")
+            raise ConfigError(f"{camera.device}: supports neither MJPEG nor YUYV")
         # Others leave room below black and above white (`V4L2_QUANTIZATION_LIM_RANGE`).
         self._full = quantum == FULL_RANGE or (quantum == 0 and colours == JPEG_COLOURS)
         if (self.width, self.height) != (camera.width, camera.height):
             raise ConfigError(
-                f"{camera.device}: gives {self.width} x {self.height} pixels instead of "
-                f"{camera.width} x {camera.height}; write these"
+                f"{camera.device}: delivers {self.width} x {self.height} pixels instead of "
+                f"{camera.width} x {camera.height}; use these"
             )
         parm = struct.pack("<IIIII184x", CAPTURE, 0, 0, 1000, round(1000 * camera.fps))
         with suppress(OSError):  # some devices have one rate
@@ -191,7 +191,7 @@ class V4l2:
         except BlockingIOError:
             return None
         except OSError as error:
-            raise RecordingError(f"{self._where}: has gone ({error.strerror})") from error
+            raise RecordingError(f"{self._where}: was disconnected ({error.strerror})") from error
         least = 1 if self.format == MJPEG else self.height * self._stride
         if flags & BROKEN or len(data) < least:
             return None

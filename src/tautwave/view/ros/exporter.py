@@ -75,7 +75,7 @@ class Exporter:
     ) -> None:
         if allow_commands and run.facts.get("mailbox") is None:
             raise ConfigError(
-                "--allow-commands: this run takes no commands: its rig has no `operate` block, or"
+                "--allow-commands: this run accepts no commands: its rig has no `operate` block, or"
                 " its clock is fake"
             )
         self.run = run

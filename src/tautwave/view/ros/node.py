@@ -48,7 +48,10 @@ def check_namespace(namespace: str) -> None:
         It is none.
     """
     if namespace != "/" and not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", namespace):
-        raise ConfigError(f"--namespace: names after slashes, as /left (got {namespace[:80]!r})")
+        raise ConfigError(
+            "--namespace: must be names preceded by slashes, such as "
+            f"/left (got {namespace[:80]!r})"
+        )
 
 
 def configuration(interface: str, peers: Sequence[str] = ()) -> str:

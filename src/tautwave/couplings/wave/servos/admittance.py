@@ -52,7 +52,7 @@ def admittance_element(rig: Rig, axis_name: str, delays: Delays, broken: str | N
     if passive.passed and claim.leak > 0.0:
         quantised = Verdict(
             False,
-            f"{name}: encoder step and noise look like losses; its tank is given "
+            f"{name}: encoder step and noise look like losses; its tank receives "
             f"{1e3 * claim.leak:.3g} mW for them, which may be released.",
             margin=-claim.leak,
         )
@@ -69,9 +69,7 @@ def _passive(
     if broken is not None:
         return Verdict(False, broken)
     if upper == 0.0:
-        return Verdict(
-            False, f"{name}: nothing is guaranteed without environment_stiffness_upper; set it"
-        )
+        return Verdict(False, f"{name}: no guarantee without environment_stiffness_upper; set it")
     if contact is not None and contact.stiffness > upper:
         return Verdict(
             False,
@@ -88,7 +86,8 @@ def _passive(
         return Verdict(
             False,
             f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
-            "number of periods, and the proof covers whole ones; choose a rate_hz whose period "
+            "number of periods, but the proof covers whole periods only; "
+            "choose a rate_hz whose period "
             "divides the delay that the driver declares",
         )
     if lag is not None and REACHED * lag > rig.period_s:
@@ -100,8 +99,8 @@ def _passive(
         )
     return Verdict(
         True,
-        f"{name}: passive by the proof in tautwave.laws.servo.admittance for an outside stiffness "
-        f"up to {upper:.4g} {unit}.",
+        f"{name}: passive by the proof in tautwave.laws.servo.admittance for an external "
+        f"stiffness up to {upper:.4g} {unit}.",
         (
             f"the drive of {axis_name} reaches its velocity within one period",
             f"what {axis_name} touches is a spring without a damper",

@@ -26,19 +26,21 @@ def follower_verdict(
         return Verdict(
             False,
             f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
-            "number of periods, and the proof covers whole ones; choose a rate_hz whose period "
+            "number of periods, but the proof covers whole periods only; "
+            "choose a rate_hz whose period "
             "divides the delay that the driver declares",
         )
     return Verdict(
         True,
         f"{name}: at the goal of a follower, passive by the proof in tautwave.laws.servo.follower "
         f"for a device that lags by up to {1e3 * follower.lag_s:.3g} ms and does not overshoot. "
-        f"What {axis_name} does to what it touches is not certified: its own drive decides that.",
+        f"What {axis_name} does to what it touches is not certified, because "
+        "its own drive determines that.",
         (
             f"{axis_name} follows its goal without overshoot, {1e3 * follower.lag_s:.3g} ms late "
             "at most, whatever it touches",
-            f"what the device of {axis_name} does to what it touches is not measured, and no "
-            "joules are claimed of it",
+            f"the energy that the device of {axis_name} exchanges with what it touches is not "
+            "measured and not part of any claim",
         ),
     )
 
@@ -61,7 +63,7 @@ def _contradicted(rig: Rig, axis_name: str) -> str | None:
         )
     if damping < least * (1.0 - 1e-9):
         return (
-            f"{axis_name} port: the simulated device overshoots its goal, for its damping "
+            f"{axis_name} port: the simulated device overshoots its goal, because its damping "
             f"{damping:.3g} is below {least:.3g}; raise follower.lag_s to "
             f"{least / truth.servo_stiffness:.3g}, or lower its inertia"
         )
