@@ -1,4 +1,4 @@
-"""What a first rig file takes for granted of a motor whose data sheet nobody has read."""
+"""Assumptions of a first rig file about a motor whose data sheet is unknown."""
 
 from __future__ import annotations
 

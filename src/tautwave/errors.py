@@ -61,7 +61,7 @@ class BusBudgetError(TautwaveError):
 
 
 class DriverError(TautwaveError):
-    """A bus or a device failed. The message says which, where, and what to do."""
+    """A bus or a device failed. The message states which, where, and what to do."""
 
     exit_code = 5
 

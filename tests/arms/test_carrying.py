@@ -227,7 +227,7 @@ def test_a_borne_load_that_shifts_the_pair_out_of_its_range_is_refused() -> None
     assert not large.passive.passed
     assert "more than its range of 1; compensate for it" in large.passive.reason
     assert "up to 1 N m, causes an offset of up to" in large.passive.reason
-    assert " rad apart" in large.passive.reason
+    assert " rad in its pair" in large.passive.reason
 
 
 def test_the_greatest_load_of_a_range() -> None:

@@ -111,8 +111,12 @@ WRONG = (
         'type="revolute">\n    <origin xyz="0.3 0 0"/>',
         ":21: joint 'glue' branches off at link 'upper': only serial chains are supported",
     ),
-    ('xyz="0 2 0"', 'xyz="0 0 0"', ":12: joint 'shoulder': its axis has no direction"),
-    ('xyz="0 2 0"', 'xyz="0 1.7e308 1.7e308"', "joint 'shoulder': its axis has no direction"),
+    ('xyz="0 2 0"', 'xyz="0 0 0"', ":12: joint 'shoulder': its axis vector is zero or not finite"),
+    (
+        'xyz="0 2 0"',
+        'xyz="0 1.7e308 1.7e308"',
+        "joint 'shoulder': its axis vector is zero or not finite",
+    ),
     ('lower="-1"', 'lower="2"', "joint 'shoulder': its lower limit 2 is above its upper 1.5"),
     (
         '<link name="base"/>',

@@ -103,7 +103,7 @@ def test_it_is_refused_with_why() -> None:
     other = side()
     other.name = "master"
     pass_slot(other, 0.0)
-    assert "say whose" in take_payload([load, other], "box")[0]
+    assert "state the side" in take_payload([load, other], "box")[0]
     assert take_payload([load, other], "master box") == ("box", False)
 
 

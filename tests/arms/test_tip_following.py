@@ -291,7 +291,7 @@ def test_the_verdict_states_reserve_and_conditions() -> None:
     tip = elements(PLANAR, *FOLLOWING)["tip of arm"]
     assert tip.passive.passed
     assert "may supply 0.01 J beyond" in tip.passive.reason
-    assert "their weight beside it" in tip.passive.conditions[0]
+    assert "their weight subtracted" in tip.passive.conditions[0]
 
 
 def test_a_following_tip_moves_and_its_books_are_the_truth() -> None:

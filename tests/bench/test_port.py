@@ -96,7 +96,7 @@ def test_ten_minutes_of_a_held_force() -> None:
 def test_an_hour_goes_with_nothing_else() -> None:
     result = CliRunner().invoke(main, ["bench", "port", "--hold", "3600", "--quick"])
     assert result.exit_code == 2
-    assert "--hold goes with --json only" in result.output
+    assert "--hold can be combined with --json only" in result.output
 
 
 def test_chatter_is_what_is_above_twenty_hertz() -> None:

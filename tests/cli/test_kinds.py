@@ -94,8 +94,8 @@ def test_what_may_be_anything_is_left_to_its_reader() -> None:
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["run", "reach.yaml", "--commands"], "no line of it is TIME COMMAND"),
-        (["calibrate", "reach.yaml", "--script"], "no line of it is SECONDS ANSWER"),
+        (["run", "reach.yaml", "--commands"], "contains no line TIME COMMAND"),
+        (["calibrate", "reach.yaml", "--script"], "contains no line SECONDS ANSWER"),
     ],
 )
 def test_a_script_that_is_none_is_one_sentence(

@@ -243,7 +243,7 @@ def test_the_command_prints_it(cli: Cli, tmp_path: Path) -> None:
     ("words", "said"),
     [
         (("--outside", "x"), "--outside requires --lever"),
-        (("--lever", "--model", "spring"), "--model has no meaning with --lever"),
+        (("--lever", "--model", "spring"), "--model cannot be combined with --lever"),
         (("--lever", "--share", "0.1"), "--share is for a rig"),
     ],
 )

@@ -164,7 +164,7 @@ def test_a_law_without_a_verdict_is_never_certified(tmp_path: Path) -> None:
         found = certify(parse_rig(f"require: {require}\n{rig}", tmp_path / "rig.yaml"))
         assert not found.passed
         said = found.sentences()[0]
-        assert "states nothing about its passivity (its part has no verdict)" in said
+        assert "makes no statement about its passivity (its part has no verdict)" in said
 
 
 PLANT = PlantParams(0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)

@@ -82,7 +82,7 @@ def test_it_passes_by_account_and_not_without() -> None:
     assert [it["numbers"].get("holds") for it in with_account["elements"][:2]] == ["by account"] * 2
     bare = certify(rig(account="null")).as_dict()
     assert not bare["passed"]
-    assert "pressed gives energy" in bare["sentences"][0]
+    assert "in contact generates energy" in bare["sentences"][0]
 
 
 def drawn_mediated(draw: np.random.Generator) -> str:

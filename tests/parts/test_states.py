@@ -143,7 +143,7 @@ def test_a_coupling_does_not_engage_on_a_sensor_that_shows_what_friction_cannot_
     with pytest.raises(SafetyStop) as refused:
         simulate(rig_of(tree(fed, slow, SENSOR, FALSE)), engine="python")
     said = str(refused.value)
-    assert "slave.a: its effort sensor shows +3" in said
+    assert "slave.a: its effort sensor reads +3" in said
     assert "at most 20.4 N" in said
     assert "set effort_sensor.offset to about 3" in said
 

@@ -215,7 +215,7 @@ def test_what_gives_energy_at_one_speed_only_is_caught(fastest: bool) -> None:
     def force(p: Any, x: float, v: float) -> float:
         return 0.1 * v if fastest == (math.fabs(v) > 0.5) else -v
 
-    with pytest.raises(AssertionError, match="it gives energy at"):
+    with pytest.raises(AssertionError, match="it generates energy at"):
         EnvironmentContract().test_motion_is_opposed(planted(force))
 
 

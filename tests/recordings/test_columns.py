@@ -85,7 +85,7 @@ def test_csv_of_other_programs_is_read(tmp_path: Path, text: str) -> None:
         ("t,x\n0,1\n0.5,\n", "a.csv:3: column 'x' holds '', not a finite number; fill the gap"),
         ("# unit\nt,x\ns,rad\n0,1\n", "a.csv:3: column 't' holds 's'"),
         ("# unit\nt,x\n1,1\n0,1\n", "a.csv:4: time must increase"),
-        ("t_ms,x\n0,1\n1,2\n", "'t_ms' is not in seconds"),
+        ("t_ms,x\n0,1\n1,2\n", "'t_ms' is, by its name, not in seconds"),
     ],
 )
 def test_what_is_no_table_of_numbers_is_said(tmp_path: Path, text: str, said: str) -> None:

@@ -127,7 +127,7 @@ def test_torques_that_a_drive_reports_are_recorded() -> None:
         ((INPUT, f"{SLAVE}={{}}"), "room for it only with mapping: lean"),
         ((*LEAN, INPUT, f"{NODE}.1.report_torque=true", f"{SLAVE}={{}}"), "room for one of both"),
         ((f"{SLAVE}={{}}",), "node 2 does not define it; add effort_sensor: {index: 0x6401"),
-        ((*LEAN, INPUT), "slave.lever states none; add effort_sensor: {} to the axis"),
+        ((*LEAN, INPUT), "slave.lever has none; add effort_sensor: {} to the axis"),
     ],
 )
 def test_a_drive_that_cannot_report_it_is_refused(changes: tuple[str, ...], said: str) -> None:

@@ -91,7 +91,7 @@ def test_the_certificate_is_conditional_and_says_what_it_leaves_out() -> None:
     port = port_of(alone())
     assert port.kind == "follower"
     assert port.passive.state == "conditional"
-    assert any("no joules are claimed" in one for one in port.passive.conditions)
+    assert any("not part of any claim" in one for one in port.passive.conditions)
     assert any("without overshoot" in one for one in port.passive.conditions)
     assert "not certified" in port.passive.reason
 

@@ -81,7 +81,7 @@ def test_a_step_too_coarse_for_the_port_is_refused_with_the_greatest() -> None:
     sizes = [f"{side}.axes.lever.effort_quantum=0.376" for side in SIDES]
     found = certify(rig(*sizes, name="bench-1dof-2khz"))
     assert not found.passed
-    assert all("0.375 is the most that works" in why for why in found.sentences())
+    assert all("at most 0.375 works" in why for why in found.sentences())
 
 
 def held(*changes: str) -> tuple[float, float]:

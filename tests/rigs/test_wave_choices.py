@@ -234,7 +234,7 @@ def certificate(half: float, third: float, plain: float) -> Callable[[Asked, Any
         ((0.0, 0.02, 1.0), 0.02, 0.3, "certificate of master.lever"),
         ((0.0, 1.0, 1.0), 0.03, 0.3, "chatter of master.lever"),
         ((0.001, 0.001, 0.02), 0.02, "plain", "certificate of master.lever"),
-        ((0.0, 0.0, 0.0), 0.045, "plain", "the certificate takes none"),
+        ((0.0, 0.0, 0.0), 0.045, "plain", "none is certified"),
     ],
 )
 def test_poles_in_their_order(
@@ -292,7 +292,7 @@ def test_an_axis_that_takes_velocity_leaves_the_choice_to_the_other(
     found = choose_pair(taking_velocity(left, "slave"), "lever")
     assert found["pole_slave"] == ("plain", "plain, because the axis is velocity-controlled")
     assert found["wave_impedance"].value == pytest.approx(0.045)
-    with pytest.raises(ConfigError, match="needs an axis that takes effort; give a number"):
+    with pytest.raises(ConfigError, match="needs an effort-controlled axis; give a number"):
         choose_pair(taking_velocity(left, "master", "slave"), "lever")
 
 

@@ -301,7 +301,7 @@ def test_an_instrument_that_runs_away_is_stopped_and_reported(tmp_path, scheme, 
     written = (tmp_path / "out" / "summary.json").read_text()
     summary = json.loads(written, parse_constant=pytest.fail)
     reported = summary["outcome"]["sentence"]
-    assert "master.bar received a scene effort more than a million times its limit of" in reported
+    assert "master.bar received a scene effort over a million times its limit of" in reported
     assert summary["cycles"] < 1500
     assert "report_error" not in summary
     assert not drawn or (tmp_path / "out" / "report.html").stat().st_size > 10_000

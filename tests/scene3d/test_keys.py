@@ -79,7 +79,7 @@ def test_one_dimension_loads_nothing_of_three():
         ("scene.links.ball.normal=[0, 0, 0]", "a direction must not be zero"),
         ("scene.links.ball.between=[finger, know]",
          "unknown node 'know'; did you mean 'knot'? Nodes: knot, finger, ground"),
-        ("scene.links.thread.between=[knot, ground]", "name it twice"),
+        ("scene.links.thread.between=[knot, ground]", "name the same group twice"),
         ("scene.masses.lonely={mass: 1}", "scene.masses.lonely={mass: 1}: no link ends at it"),
         ("scene.masses.knot12={mass: 1}", "another node is already named 'knot12'"),
         ("scene.grounds={finger: [0, 0, 0]}", "another node is already named 'finger'"),

@@ -83,9 +83,9 @@ def test_other_meshes_are_refused_by_name(change, said):
         (('clamped: ["-x"]', 'clamped: ["-x", "+x", "-z", "+z"]'), "every node is fixed"),
         (("  gravity: 9.81", "  scheme: symplectic"), "symplectic does not run tissues"),
         (("cells: [4, 1, 1]", "cells: [1000, 1000, 1000]"), "5000000000 tetrahedra; 100000 are"),
-        (("size: [0.1, 0.02, 0.02]", "size: [1.0e+14, 0.02, 0.02]"), "look at the mesh's scale"),
+        (("size: [0.1, 0.02, 0.02]", "size: [1.0e+14, 0.02, 0.02]"), "check the mesh's scale"),
         (("poisson: 0.4", "poisson: 0.5"), "less than or equal to 0.49"),
-        (("between: [probe, beam13]", "between: [beam, beam], chain: true"), "only masses are"),
+        (("between: [probe, beam13]", "between: [beam, beam], chain: true"), "only masses can be"),
         (("between: [probe, beam13]", "between: [probe, beam21]"), "unknown node 'beam21'"),
     ],
 )  # fmt: skip

@@ -172,7 +172,7 @@ def test_the_certificate_sees_force_and_moment_at_the_start():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ("scene.ports.clip.points=null", "a turning tool has points"),
+        ("scene.ports.clip.points=null", "a rotating tool needs points"),
         ("scene.ports.clip.turns={x: [1, 0, 0]}", "a linear axis cannot rotate a tool"),
         ("scene.ports.clip.turns={rx: [1, 0, 0], ry: [2, 0, 0]}", "linearly independent"),
         ("scene.links.low.between=[clip5, beam5]", "unknown node 'clip5'"),

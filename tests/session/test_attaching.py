@@ -280,7 +280,7 @@ def test_what_names_hardware_is_served_and_attached_to_on_request_only(
         assert (bus["endpoint"], bus["forced"]) == (line["endpoint"], True)
         reported, summary, _ = run(rig, *hard)
         assert reported.exit_code == 5
-        assert "/dev/ttyNONE: there is no such device" in reported.stderr
+        assert "/dev/ttyNONE: no such device" in reported.stderr
         child.send_signal(signal.SIGINT)
         _, said = child.communicate(timeout=60)
     assert f"process {child.pid} until Ctrl-C" in said

@@ -352,7 +352,7 @@ def test_mistakes_of_the_command_line_are_sentences(bench: Path) -> None:
         (["--steps", "jump"], "'jump' is not one of zero"),
         (["--stop", "master.lever=up"], "write AXIS=POSITION"),
         (["--stop", "master.lever=0"], "does not give the direction"),
-        (["--axis", "master.wrist"], "there is no axis 'master.wrist'"),
+        (["--axis", "master.wrist"], "no axis 'master.wrist'"),
     ):
         done = calibrate(bench, "--out", str(bench.parent / "refused"), *options)
         assert done.exit_code == 2

@@ -212,7 +212,7 @@ def test_what_mends_an_interface_is_the_whole_command(tmp_path: Path) -> None:
     put(tmp_path, "sys/class/net/vcan3/flags", "0x0")
     barred, unknown = wires.can_interface("vcan3", tmp_path, 500_000, nothing)
     assert barred == Finding("vcan3", BARS, "down", "no frame passes", "sudo ip link set vcan3 up")
-    assert unknown == Finding("vcan3", UNKNOWN, "queue length: unknown to the kernel")
+    assert unknown == Finding("vcan3", UNKNOWN, "queue length: not reported by the kernel")
     (gone,) = wires.can_interface("can9", tmp_path, None, nothing)
     assert gone == Finding(
         "can9",

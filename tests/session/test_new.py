@@ -186,7 +186,7 @@ def test_what_a_rig_cannot_drive_is_left_out_and_said() -> None:
     assert last["effort_limit"].value == pytest.approx(0.043)
     said = "\n".join(found.notes)
     assert "id 2, XL430-W250, has no current control" in said
-    assert "id 3 answers at 57600 baud only" in said
+    assert "id 3 responds at 57600 baud only" in said
     assert "id 9, AX-12A" in said
     assert not dynamixel.survey.propose(ScanOptions(port="/dev/none"), rows[1:2])
 

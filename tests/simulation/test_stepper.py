@@ -113,7 +113,7 @@ NONE = r"slave\.lever: one finite number of rad or m"
         ({"slave.lever": math.inf}, NONE),
         ({"slave.lever": None}, NONE),
         ({"slave.lever": np.zeros(2)}, NONE),
-        ({"slave.lever": 0.0, "slave.levr": 0.0}, r"slave\.levr is not outside"),
+        ({"slave.lever": 0.0, "slave.levr": 0.0}, r"slave\.levr is not an outside axis"),
         ([0.0], "a mapping from axes"),
     ],
 )

@@ -128,7 +128,7 @@ def sentences(one: Outcome, two: Outcome) -> tuple[str, str]:
 def test_another_authority_is_refused_on_both_sides(listener: socket.socket, keys: Path) -> None:
     one, two = sentences(*meet(listener, serving(keys / "ours"), dialling(keys / "theirs")))
     assert "it does not trust the authority of our certificate" in one
-    assert "its certificate is not of our authority" in two
+    assert "its certificate was not issued by our authority" in two
 
 
 def test_the_certificate_of_another_site_is_refused_on_both_sides(

@@ -132,7 +132,7 @@ def test_admittance_has_no_prediction(write: Callable[[str], Path]) -> None:
 
 
 def test_a_sweep_that_is_no_mapping_is_called_a_sweep(write: Callable[[str], Path]) -> None:
-    assert "a sweep file is a mapping" in problems(write("- 1\n"))[0]
+    assert "a sweep file must be a mapping" in problems(write("- 1\n"))[0]
 
 
 def cells(path: Path) -> list[dict[str, str]]:

@@ -25,7 +25,7 @@ class _InRun:
 
     @property
     def is_calibrated(self) -> bool:
-        """The rig file says where zero is."""
+        """Zero is defined in the rig file."""
         return True
 
     def connect(self, calibrate: bool = True) -> None:
@@ -40,7 +40,7 @@ class _InRun:
         """Nothing: drives are set up by the run."""
 
     def disconnect(self) -> None:
-        """Let go of the run."""
+        """Disconnect from the run."""
         self._site.leave(self.name)
 
 

@@ -23,7 +23,7 @@ FLOAT32 = 1e-6
 
 
 class Site:
-    """A run. It begins with the first who joins and ends with the last who leaves.
+    """A run. It starts when the first one joins and ends when the last one leaves.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Site:
         self._users.add(who)
 
     def leave(self, who: str) -> None:
-        """Let go of the run; the last to do so has it ramp down and waits for its report."""
+        """Disconnect from the run; the last one makes it ramp down and waits for its report."""
         self._users.discard(who)
         if not self._users:
             self._end()

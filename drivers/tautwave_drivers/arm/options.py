@@ -32,7 +32,7 @@ class JointBus(Block):
 
 
 class ArmJoint(Block):
-    """One joint: where it is, and what is believed of it."""
+    """One joint: where it is, and what is assumed about it."""
 
     id: Annotated[int, Field(ge=0)] = Field(description="The device's number on the joints' bus.")
     effort_limit: Positive = Field(description="[N m | N] Maximum effort, weight included.")
@@ -53,7 +53,7 @@ class ArmJoint(Block):
 
 
 class JointTruth(Block):
-    """What a simulated joint really has; by default what is believed."""
+    """True values of a simulated joint; default: the assumed ones."""
 
     inertia: Positive | None = Field(default=None, description="[kg m^2 | kg] Of its motor.")
     damping: NonNegative | None = Field(default=None, description="[N m s/rad | N s/m]")

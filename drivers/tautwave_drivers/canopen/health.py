@@ -20,7 +20,7 @@ SYNC_ID = 0x80
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
 NODE_STATES = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
 DEAD_CYCLES, DEAD_BEATS = 5, 1.5
-"""A queue full for so many cycles and heartbeats, with nothing received, means a dead bus."""
+"""Cycles and heartbeats with a full queue and nothing received that mean a dead bus."""
 
 
 def state_text(state: int | None) -> str:

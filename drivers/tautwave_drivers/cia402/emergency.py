@@ -217,7 +217,7 @@ _FRAME = struct.Struct("<HB5s")
 
 
 def decode_emergency(data: bytes) -> Emergency | None:
-    """Return the emergency in the eight bytes of an EMCY frame; None if there are not so many."""
+    """Return the emergency in the eight bytes of an EMCY frame; None if there are fewer."""
     if len(data) < _FRAME.size:
         return None
     return Emergency(*_FRAME.unpack_from(data))

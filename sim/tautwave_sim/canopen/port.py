@@ -110,7 +110,7 @@ class MasterPort:
         self._send_error_frames()
 
     def close(self) -> None:
-        """Forget what has come."""
+        """Discard what was received."""
         self._inbox.clear()
 
 

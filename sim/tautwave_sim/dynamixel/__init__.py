@@ -17,7 +17,7 @@ dynamixel` has no rig, and its servos move from the beginning on.
 **Units.** Position [rad] = direction (counts - zero) 2 pi / 4096 / gear, zero 2048 by default;
 effort [N m] = direction current_unit torque_constant gear counts, the torque constant by default
 stall torque over stall current of the e-manual; velocity 0.229 rev/min / gear. An admittance axis
-reports as Present Current the torque that holds the outside effort: minus that effort.
+reports as Present Current the torque that holds the external effort: minus that effort.
 
 **Missing servos.** In a sync read the servo behind a missing one waits as long as the missing
 response would have taken. A fast sync read ends before the first silent servo, because every

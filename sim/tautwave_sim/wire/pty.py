@@ -141,7 +141,7 @@ def _point(link: Path, path: str) -> None:
     target = _target(link)
     if not target.startswith(PTS) and os.path.lexists(link):
         what = f"is a link to {target}" if target else "is not a symbolic link"
-        raise DriverError(f"{link}: is there already and {what}; choose another name")
+        raise DriverError(f"{link}: already exists and {what}; choose another name")
     fresh = link.with_name(f".{link.name}.{os.getpid()}")
     try:
         fresh.symlink_to(path)

@@ -1,4 +1,4 @@
-"""What an end of a pair may give out, in joules known before the run.
+"""What an end of a pair may supply, in joules known before the run.
 
 Two lines. *Seen*: as the encoder sees it, for any hand, noise and colour and any device of at least
 the stated inertia, 2 E0 + W + P t. *True*: if the declared noise is true. E0 is the reserve, W what

@@ -32,7 +32,7 @@ LAW = "{law: position, pairs: {lever: {stiffness: 25.4, damping: 0.121}}}"
 HAND = "{type: multisine, ramp_s: 0.1, components: [[0.7, 0.3, 0.0]]}"
 SHARES = (0.0, 0.4, 0.8, 1.0)
 CERTAIN, TRUE = 0.02, 0.025
-"""Coulomb friction that the levers surely have, and what they have [N m]."""
+"""Coulomb friction that the levers are guaranteed to have, and what they have [N m]."""
 
 SECONDS, BEGUN_S = 6.0, 1.0
 PERIOD, STEPS = 1e-3, 200
@@ -53,7 +53,7 @@ class Free(NamedTuple):
 
 
 def free_motion(share: float, seconds: float = SECONDS, engine: str | None = None) -> Free:
-    """Move the bench freely with `share` of the certain Coulomb friction taken off."""
+    """Move the bench freely with `share` of the guaranteed Coulomb friction compensated."""
     rig = bench_rig(
         LAW, HAND, "{type: free}", noise=1.5e-5, seconds=seconds, grip=IMPOSED, coulomb=TRUE
     )
@@ -189,7 +189,7 @@ def run_many(runs: int, first: int, jobs: int, keep: Path | None, tell: Tell) ->
 def compensation(
     *, runs: int, first: int, tell: Tell, jobs: int = 1, keep: Path | None = None
 ) -> Suite:
-    """Measure what is taken off: free motion by share, random runs against friction and account.
+    """Measure the compensation: free motion by share, random runs against friction and account.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How friction and inertia of the devices are spent: what is taken off is not there for others."""
+"""How friction and inertia of the devices are spent: what is compensated is not for others."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def compensation_elements(rig: Rig) -> Iterator[Element]:
 
 
 def inertia_claim(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
-    """Return what taking inertia off an axis may give out, or the key without which nothing is."""
+    """Return what inertia compensation may supply, or the key without which it is unbounded."""
     axis = rig.axes[axis_name]
     assert axis.inertia is not None
     if axis.velocity_limit is None:
@@ -153,7 +153,7 @@ def inertia_elements(rig: Rig, delays: Delays) -> Iterator[Element]:
 
 
 def lightened_loop(rig: Rig, loop: PairLoop) -> PairLoop:
-    """Return a pair's stability, of which nothing is claimed where inertia is taken off."""
+    """Return a pair's stability; no claim is made where inertia is compensated."""
     for side in rig.own_sides:
         keys = rig.axes[f"{side}.{loop.pair}"].compensation
         if keys is not None and keys.inertia > 0.0:

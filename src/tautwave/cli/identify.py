@@ -172,7 +172,7 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
             raise click.UsageError(f"{given[name]} cannot be combined with --noise.")
     for name in ("model", "intent") if options["lever"] else ("outside",):
         if name in given:
-            with_or = "has no meaning with" if options["lever"] else "requires"
+            with_or = "cannot be combined with" if options["lever"] else "requires"
             raise click.UsageError(f"{given[name]} {with_or} --lever.")
     if options["load"] and "share" in given:
         raise click.UsageError("--share cannot be combined with --load.")

@@ -15,7 +15,7 @@ SLOWEST = 0.99
 
 
 def outside_effort(axis: CoupledAxis, corner: float) -> ReactionParams:
-    """Return the constants of an observer of outside efforts.
+    """Return the constants of an observer of external efforts.
 
     Parameters
     ----------

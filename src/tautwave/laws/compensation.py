@@ -1,6 +1,6 @@
-"""Friction and inertia of a device, taken off the hand by its own motor.
+"""Friction and inertia of a device, compensated by its own motor.
 
-**Friction**, within what the device surely has. A held effort f gives -f dx in a period. The
+**Friction**, within what the device is sure to have. A held effort f gives -f dx a period. The
 device's Coulomb friction c takes c |path| >= c |dx|: with |f| <= c the two together take energy in
 every period, whatever sign, delay, noise or rate the effort has. A viscous effort b' H v of a
 velocity read through any |H| <= 1, however late, gives at most b' v**2, and the device's own
@@ -17,11 +17,10 @@ the motion: R comes late by some time t, and feeds a swing of frequency f and ve
 (2 pi f v)**2 / 2 watts. No damping that a device has makes that passive at all frequencies (a
 first-order lag at f_c asks for 2 pi f_c m_c; a difference of samples for 9/8 m_c / T), so this
 effort has an account of its own: what it may give is planned (`laws.account.gate_bounds`), what it
-gave is known. The account starts with what the part that is taken off holds at the velocity limit,
-gets back what braking takes, and, of Coulomb friction that the device surely has and that nobody
-else counts on, c |dy|. Here y is the play operator's answer to the samples: of all motions within h
-of them y has the shortest path, so the true one, if no sample is off by more, is no shorter, and
-noise earns nothing.
+gave is known. The account starts with what the compensated part holds at the velocity limit,
+gets back what braking takes, and, of guaranteed Coulomb friction that nobody else counts on, c
+|dy|. Here y is the play operator's answer to the samples: of all motions within h of them y has the
+shortest path, so the true one, if no sample is off by more, is no shorter, and noise earns nothing.
 
 The newest sample enters R with -G and the next displacement with -1: noise s feigns an income of G
 s**2 a period, which is charged. An account below -D lets nothing act until it has been paid, so

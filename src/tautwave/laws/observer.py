@@ -134,7 +134,7 @@ def observe(
 
 
 class ReactionParams(NamedTuple):
-    """Constants of an observer of outside efforts.
+    """Constants of an observer of external efforts.
 
     mass [kg m**2 or kg], viscous [N m s/rad or N s/m] and coulomb [N m or N] friction as
     identified, `soft` [rad/s or m/s] the velocity at which the latter is in full.

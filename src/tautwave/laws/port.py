@@ -11,7 +11,7 @@ What it does in a period:
 3. the tank starts with a reserve E0, takes F dx + waves in, with raw samples, and a leak of P watts
    for what sensor noise feigns; it never holds more than the reserve and the filter's energy.
 
-What is true of the energy g that a port gave out, as its encoder sees it, for any device, hand,
+What is true of the energy g that a port supplied, as seen by its encoder, for any device, hand,
 delay, noise or mass:
 
     A = E0 + sum(F dx + e_in - e_out) + P t - spilled,  so  g = E0 - A + P t - spilled.

@@ -261,7 +261,7 @@ def _columns(name: str, own: dict[str, str]) -> tuple[list[str], dict[str, int]]
 
 
 def _library(name: str, extra: str) -> Any:
-    """Import an optional library, or raise an error that says how to install it."""
+    """Import an optional library, or raise an error with installation instructions."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""What motors and ports gave out against what was claimed; reads summaries, without NumPy."""
+"""What motors and ports supplied, beside what was claimed; reads summaries, without NumPy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROUNDING = 1e-9
 
 
 class Kept(NamedTuple):
-    """What one end gave out at its worst moment, in blows from outside, and what it claimed [J].
+    """What one end supplied at its worst moment, in external impacts, and what it claimed [J].
 
     `true` is what it claims in fact, if the noise is as declared, None where nothing is said of it;
     `passed` is None in a run that was not judged.

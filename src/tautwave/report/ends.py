@@ -1,4 +1,4 @@
-"""What each end of a pair gave out in a run, against the joules that its law claimed beforehand.
+"""What each end of a pair supplied in a run, compared with what its law claimed beforehand.
 
 Both are as the end's encoder sees it, from the recording. A device that is beyond its velocity
 limit by more than its motor can have made of it was hit from outside: what the motor gave in the
@@ -21,7 +21,7 @@ from tautwave.report.units import number, quantity
 
 
 class End(NamedTuple):
-    """One end of a pair: what it gave out at its worst moment, in blows, and what it claimed [J].
+    """One end of a pair: what it supplied at its worst moment, in impacts, and what it claimed [J].
 
     `flow` is all that passed to and fro.
     """

@@ -228,7 +228,7 @@ def _under_way(master: Run, slave: Run, pair: str, common: Common) -> Away | Non
 
 
 def _least_away(halves: Sequence[Any], common: Common, later: float) -> float | None:
-    """Return it with the master's clock so many slots later."""
+    """Return it with the master's clock later by some slots."""
     begins = common.begins[0] + later, common.begins[1]
     ends = common.ends[0] + later, common.ends[1]
     # Moments at which neither side is in a cycle: each then has what it had after its last one.

@@ -12,7 +12,7 @@ from tautwave.errors import ConfigError
 
 BUS = "policy"
 SPEED_SHARE = 0.25
-"""Speed of a hand whose rig says none, as a share of its axis' velocity limit."""
+"""Speed of a hand whose rig gives none, as a share of its axis' velocity limit."""
 LEVER_ARM = 0.075
 """[m] Of a light grip on a rotary axis, as where nothing is stated."""
 SENSED = {

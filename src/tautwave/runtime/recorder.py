@@ -121,7 +121,7 @@ class Recorder:
         return None if self._writer is None else self._writer.pid
 
     def start(self) -> None:
-        """Start the writer and wait until the file is open; WritingError says why it is not."""
+        """Start the writer and wait until the file is open; a WritingError says why it is not."""
         if self._stats is not None or self._writer is not None:
             raise RecordingError(f"the recording {self.path} was already started")
         order = Order(

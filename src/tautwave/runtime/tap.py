@@ -1,4 +1,4 @@
-"""Look at the rows of a run that is going on, from another process, without its noticing.
+"""Look at the rows of a run in progress, from another process, without its noticing.
 
 The recording's ring is mapped read-only through its writer's descriptor. Nothing is written, so a
 viewer that is slow, stopped or killed costs the run nothing; it only misses rows, and counts them.
@@ -21,7 +21,7 @@ from tautwave.errors import RecordingError
 from tautwave.runtime import ring as words
 
 LIVE = "live.json"
-"""In the directory of a run while it is going on."""
+"""In the directory of a run while it is in progress."""
 
 
 class Live(NamedTuple):

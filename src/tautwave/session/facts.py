@@ -46,7 +46,7 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
 
 
 class PortClaim(NamedTuple):
-    """What a port may give out in a run, and the kinetic energy at its velocity limit [J].
+    """What a port may supply in a run, and the kinetic energy at its velocity limit [J].
 
     The claim is inf where nothing bounds it, the kinetic energy None of an axis without either.
     """

@@ -1,4 +1,4 @@
-"""What `check` says of the network between both sides: its faults, its receivers, its delays."""
+"""What `check` reports on the network between both sides: its faults, its receivers, its delays."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def link_of(rig: Rig) -> Link:
 def network_words(rig: Rig) -> str:
     """Say what a network does to packets: at a site, what the rig takes the real one to be."""
     words = _simulated(link_of(rig))
-    return words if rig.site is None else f"the real network; delays assumed as in:  {words}"
+    return words if rig.site is None else f"the real network; delays assumed as in: {words}"
 
 
 def _simulated(link: Link) -> str:

@@ -160,7 +160,7 @@ def greatest(claims: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def times(claims: dict[str, Any], count: int) -> dict[str, Any]:
-    """Return what ports claim [J] of a run with so many engagements, from what they do of one."""
+    """Return what ports claim [J] of a run with `count` engagements, from that for one."""
     return {
         key: {side: count * joules for side, joules in sides.items()}
         for key, sides in claims.items()

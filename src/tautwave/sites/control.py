@@ -1,7 +1,7 @@
 """The control plane of two sites: TLS 1.3 with certificates of both, one line of JSON a message.
 
 Nothing here is on the loop's path. The site that serves draws session and secret; both are sure of
-each other's name before either says more. A refusal is a sentence on both sides.
+each other's name before anything else is sent. A refusal gives a message on both sides.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Channel:
         return self._connection.fileno()
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Send a message; raises `LinkError` where the other site is gone."""
+        """Send a message; raises `LinkError` if the other site is lost."""
         try:
             self._connection.settimeout(PATIENCE_S)
             self._connection.sendall(json.dumps(message).encode() + b"\n")

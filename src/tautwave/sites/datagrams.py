@@ -69,7 +69,7 @@ class DataPort:
                 self._socket.sendto(self._sealer.seal(payload), self._peer)
 
     def receive(self, most: int) -> Iterator[tuple[bytes, int]]:
-        """Yield each authentic payload and when it was read [ns], of at most so many datagrams."""
+        """Yield each authentic payload and when it was read [ns], of `most` datagrams at most."""
         for _ in range(most):
             try:
                 datagram, address = self._socket.recvfrom(MOST_BYTES)

@@ -37,7 +37,7 @@ BEAT_S = 0.25
 SILENT_S = 1.0
 """A site not heard for so long may be replaced by one that dials with its certificate [s]."""
 GONE_S = 5.0
-"""A site not heard for so long is gone [s]."""
+"""A site silent for this long counts as lost [s]."""
 AGAIN_S = 0.25
 """Time between two attempts to dial [s]."""
 MOST_AT_ONCE = 8

@@ -1,4 +1,4 @@
-"""A run that is going on, as its viewers see it."""
+"""A run in progress, as its viewers see it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def read_live(directory: Path) -> Live:
     Raises
     ------
     RecordingError
-        No run is going on in that directory.
+        No run is in progress in that directory.
     """
     path = directory / LIVE
     try:
@@ -61,7 +61,7 @@ class Watched:
         Raises
         ------
         RecordingError
-            None is going on there.
+            No run is in progress there.
         """
         live = read_live(directory)
         return cls(directory, live, Tap.of_run(live))

@@ -98,7 +98,7 @@ def test_configure_writes_what_differs_and_tells() -> None:
 
 def test_another_model_is_refused() -> None:
     made = bench(spec(1), simulator={"servos": {1: {"model": "XM430-W210"}}})
-    with pytest.raises(DriverError, match=r"is a XM430-W210 .*the rig says XM430-W350"):
+    with pytest.raises(DriverError, match=r"is a XM430-W210 .*the rig states XM430-W350"):
         made.driver.open()
 
 

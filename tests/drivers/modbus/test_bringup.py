@@ -34,9 +34,9 @@ def test_a_drive_of_another_family_is_not_written_to() -> None:
 
 def test_a_wrong_rated_torque_or_encoder_is_found() -> None:
     made = bench(devices=[device(1, rated_torque=1.0)], **quirks(registers={"rated_torque": 2000}))
-    assert "its rated torque is 2 N m, but the rig says 1" in refusal(made)
+    assert "its rated torque is 2 N m, but the rig states 1" in refusal(made)
     made = bench(devices=[device(1)], **quirks(registers={"counts": 4096}))
-    assert "it has 4096 counts per revolution, but the rig says 65536" in refusal(made)
+    assert "it has 4096 counts per revolution, but the rig states 65536" in refusal(made)
 
 
 def test_the_family_is_noted_with_what_the_drive_reports_of_itself() -> None:

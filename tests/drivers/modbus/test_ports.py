@@ -253,7 +253,7 @@ def test_a_pseudo_terminal_is_opened_whatever_the_parity_of_the_line(parity: Par
 
 
 def test_a_device_in_use_or_none_is_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(DriverError, match=r"there is no such device"):
+    with pytest.raises(DriverError, match=r"no such device"):
         SerialPort("/dev/nothing-here", 115_200, "E")
     plain = tmp_path / "file"
     plain.write_text("no device")

@@ -144,7 +144,7 @@ def test_a_fault_of_the_drive_is_decoded(profile: str, causality: str) -> None:
     assert [fault.fatal for fault in faults] == [True], faults
     words = {
         "generic": "too hot (code 0x4)",
-        "dsy-rs": "does not report which; look at its display",
+        "dsy-rs": "does not report which; check its display",
         "cia402": "4310",
     }[profile]
     assert words in faults[0].text

@@ -296,7 +296,7 @@ def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
 def set_watchdogs(
     drive: RemoteDrive, axis: Axis, options: CanopenOptions, *, allow_unwatched: bool
 ) -> list[str]:
-    """Make the drive watch this master, and stop by itself when it falls silent.
+    """Make the drive watch this master, and stop on its own when the master stops sending.
 
     Raises
     ------

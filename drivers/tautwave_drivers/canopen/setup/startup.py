@@ -18,7 +18,7 @@ _STAY_S = 0.1
 
 
 class StartUp:
-    """Brings one drive to its mode; `failure` says why it did not get there.
+    """Brings one drive to its mode; `failure` gives the reason if it did not.
 
     `second_pdo` has to be sent besides the cyclic RPDO: the target of a move.
     """

@@ -30,7 +30,7 @@ class SdkPort:
     # The SDK calls these by its own names.
 
     def clearPort(self) -> None:  # noqa: N802
-        """Drop what has come."""
+        """Discard what was received."""
         self._port.read()
         self._buffer.clear()
 

@@ -35,7 +35,7 @@ class FastStatus:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what has come: a new response is expected."""
+        """Discard what was received: a new response is expected."""
         self._at = 0
         self._crc = 0
         self._doubtful: list[Sample] = []

@@ -110,7 +110,7 @@ _OTHER_NAMES = {
 
 
 def model_name(number: int, protocol: float = 2.0) -> str:
-    """Return the name of a model number, `model N` when nobody here knows it."""
+    """Return the name of a model number, `model N` if it is unknown here."""
     if protocol < 1.5:
         return _FIRST_NAMES.get(number, f"model {number}")
     for model in _X:

@@ -24,7 +24,7 @@ NS_PER_BYTE = 80
 
 
 def segment_ns(count: int) -> int:
-    """Return how long a segment with so many bytes of payload is on the wire [ns]."""
+    """Return how long a segment with that many bytes of payload is on the wire [ns]."""
     return (count + HEADERS) * NS_PER_BYTE
 
 

@@ -30,7 +30,7 @@ SURELY = 1.5
 """Times the friction believed in, what a device at rest may hold at most."""
 
 LEAST_SHARE = 0.02
-"""Of the effort limit, what it may hold at least, whatever is believed."""
+"""Of the effort limit, what it may hold at least, whatever is assumed."""
 
 
 class Interval(NamedTuple):
@@ -67,7 +67,7 @@ class SensorBalance(NamedTuple):
 
 
 def most_at_rest(coulomb: float, effort_limit: float) -> float:
-    """Return the greatest friction of a device at rest, from what is believed [N m or N]."""
+    """Return the greatest friction of a device at rest, from the assumed values [N m or N]."""
     return max(SURELY * coulomb, LEAST_SHARE * effort_limit)
 
 

@@ -34,7 +34,7 @@ VOLUNTARY_HZ = 10.0
 
 
 class LimitCycle(NamedTuple):
-    """A sustained bounce; all zero where the device comes to rest, inf where nothing bounds it.
+    """A sustained bounce; all zero where the device comes to rest, inf where it is unbounded.
 
     depth: mean greatest penetration; height: mean greatest distance from the wall [m or rad];
     frequency [Hz]; peak_effort: mean greatest effort of the wall [N or N m].

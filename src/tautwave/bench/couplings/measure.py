@@ -39,7 +39,7 @@ class Outcome(NamedTuple):
 
 
 def stated_bound(rig: Rig) -> float:
-    """Return what both ends may give out in fact by their accounts, pair's units [J]."""
+    """Return what both ends may actually supply by their accounts, pair's units [J]."""
     power = pair_scale(rig.coupling.pairs["lever"]).power
     delays, verdict = command_delays(rig), coupling_verdict(rig)
     total = 0.0

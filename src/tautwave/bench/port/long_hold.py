@@ -30,7 +30,7 @@ SIDES = ("master", "slave")
 
 
 class Lasting(NamedTuple):
-    """A held force after so many seconds.
+    """A held force after a time.
 
     effort of the slave [N m], share: motor over line effort, and error [rad], each the mean of the
     last `PIECE_S`; drift: of the error since the first [rad]; chatter: the greatest of them [N m];

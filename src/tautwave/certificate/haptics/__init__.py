@@ -48,7 +48,7 @@ class Haptics(NamedTuple):
 def haptics(rig: Rig) -> Haptics:
     """Return the haptic performance of a rig from its believed parameters; takes a second or two.
 
-    Walls are as run: derated where the rig says so.
+    Walls are as run: derated where the rig allows it.
     """
     if rig.scene is not None:
         return Haptics((), (), (), ("the hand touches a scene; see its certificate",))

@@ -119,7 +119,7 @@ class Felt(NamedTuple):
         return float(self.hertz[off[0]]) if len(off) else None
 
     def sentences(self) -> list[str]:
-        """Return what the plot says."""
+        """Return the message of the plot."""
         spring, damper = ("N m/rad", "N m s/rad") if self.rotary else ("N/m", "N s/m")
         mass = "kg m^2" if self.rotary else "kg"
         top, name = self.hertz[-1], f"pair {self.pair}"

@@ -165,7 +165,7 @@ def _answer(
 ) -> npt.NDArray[np.float64] | None:
     """Return both efforts after one sample of a side was off by 1, of shape (n, 2).
 
-    It is the position's, or, if it is `felt`, the outside effort's.
+    It is the position's, or, if it is `felt`, the external effort's.
     """
     bare = rig.model_copy(update={"coupling": rig.coupling.model_copy(update={"account": None})})
     control = make_control(bare, delays, 2 * LONGEST)

@@ -42,6 +42,6 @@ def doctor(ctx: click.Context, rig: Path | None, as_json: bool) -> None:
             if finding.command:
                 click.echo(f"         fix: {finding.command}")
         costing = sum(finding.state != GOOD for finding in found)
-        click.echo(f"{len(found)} checked, {costing} to fix" if costing else "nothing to mend")
+        click.echo(f"{len(found)} checked, {costing} to fix" if costing else "nothing to fix")
     if any(finding.state == BARS for finding in found):
         ctx.exit(DriverError.exit_code)

@@ -1,4 +1,4 @@
-"""`tautwave ros`: a run that is going on, on the topics of ROS 2."""
+"""`tautwave ros`: a run in progress, on the topics of ROS 2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`tautwave view`: look at a run that is going on, from another terminal or a browser."""
+"""`tautwave view`: look at a run in progress, from another terminal or a browser."""
 
 from __future__ import annotations
 

@@ -198,7 +198,7 @@ def _axis(reader: UrdfReader, joint: _Joint) -> Vector:
     size = math.hypot(x, y, z)
     if not 1e-6 < size < math.inf:
         line = joint.node.line if given is None else given.line
-        raise reader.wrong(line, f"joint {joint.name!r}: its axis vector is zero")
+        raise reader.wrong(line, f"joint {joint.name!r}: its axis vector is zero or not finite")
     return x / size, y / size, z / size
 
 

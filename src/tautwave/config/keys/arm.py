@@ -77,7 +77,7 @@ class Chain(Block):
 
 
 class Arm(Chain):
-    """A side's axes as the joints of an arm, and what is believed of its weight."""
+    """A side's axes as the joints of an arm, and what is assumed about its weight."""
 
     compensate: bool = Field(
         default=True,

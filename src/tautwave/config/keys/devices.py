@@ -94,7 +94,7 @@ class Coulomb(Belief):
 
 
 class Compensation(Block):
-    """What the motor takes off the hand, as shares of what the device surely has."""
+    """What the motor compensates for, as shares of what the device is guaranteed to have."""
 
     coulomb: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.0,
@@ -127,7 +127,7 @@ class Compensation(Block):
 
     @property
     def friction(self) -> bool:
-        """Return whether friction is taken off."""
+        """Return whether friction is compensated."""
         return self.coulomb > 0.0 or self.viscous > 0.0
 
 

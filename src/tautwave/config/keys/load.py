@@ -25,7 +25,7 @@ class TrueLoad(Block):
 
 
 class Load(TrueLoad):
-    """The same as it is believed."""
+    """The same, as assumed."""
 
     compensate: bool = Field(
         default=True,

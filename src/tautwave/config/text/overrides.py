@@ -47,7 +47,7 @@ def _read(argument: str) -> tuple[list[_Word], Parsed]:
 
 
 class _CannotSet(Exception):
-    """The key cannot be set; the message says why."""
+    """The key cannot be set; the message gives the reason."""
 
 
 def _split(argument: str) -> tuple[list[_Word], str]:

@@ -1,4 +1,4 @@
-"""What an end of a pair with an account may give out, in joules known before the run.
+"""What an end of a pair with an account may supply, in joules known before the run.
 
 The bound is that of a wave port, `analysis.claim`, with E0 + D for its 2 E0. The
 effort that acts is held, limited and faded by the same controller, so W is the same sum.
@@ -20,7 +20,7 @@ Delays = Mapping[str, CommandDelay]
 
 
 def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
-    """Return what the end at an axis may give out, or the key without which nothing bounds it."""
+    """Return what the end at an axis may supply, or the key without which it is unbounded."""
     axis = rig.axes[axis_name]
     assert axis.inertia is not None
     for key in ("velocity_limit", "effort_rate_limit"):
@@ -50,6 +50,6 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
 
 
 def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
-    """Return what an end may give out in a run, as its encoder sees it [J]; inf: no claim."""
+    """Return what an end may supply in a run, as seen by its encoder [J]; inf: no claim."""
     claim = claim_of(rig, axis_name, delays)
     return claim.seen(rig.claimed_s) if isinstance(claim, Claim) else math.inf

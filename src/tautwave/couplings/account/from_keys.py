@@ -101,7 +101,7 @@ def account_params(
     Raises
     ------
     ConfigError
-        The axis has no velocity limit, so that nothing bounds what its commands may give.
+        The axis has no velocity limit, so the energy of its commands is unbounded.
     """
     if math.isinf(axis.velocity_limit):
         raise ConfigError(

@@ -1,6 +1,6 @@
 """One filter on motion and effort, so that a regression of the one on the other has no phase.
 
-An observer of outside efforts (`laws.observer`, a triple pole p) shows of an effort f, held over
+An observer of external efforts (`laws.observer`, a triple pole p) shows of an effort f, held over
 each period,
 
     H(z) f,  H = (1 - p)**3 / 2 z (z + 1) / (z - p)**3:

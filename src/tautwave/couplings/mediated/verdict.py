@@ -1,4 +1,4 @@
-"""The verdict on law mediated without an account: nothing bounds what a wrong model gives."""
+"""The verdict on law mediated without an account: the energy of a wrong model is unbounded."""
 
 from __future__ import annotations
 

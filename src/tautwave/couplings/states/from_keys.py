@@ -31,7 +31,7 @@ def is_observed(pair: ServoPair) -> bool:
 
 
 def is_measured(pair: ServoPair, side: str, axis: CoupledAxis) -> bool:
-    """Return whether the outside effort of an end is what its sensor shows.
+    """Return whether the external effort of an end is what its sensor shows.
 
     Raises
     ------

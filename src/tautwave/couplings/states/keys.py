@@ -70,11 +70,11 @@ class PositionForcePair(ObservedPair):
 
 
 class FourChannelPair(ObservedPair):
-    """Both sides follow each other's position and yield to the sum of both outside efforts.
+    """Both sides follow each other's position and yield to the sum of both external efforts.
 
     With `rejection` it is the acceleration-based bilateral control of the motion-control school
     (Ohnishi): a disturbance observer makes each device a bare inertia, which a spring, a damper and
-    both outside efforts move.
+    both external efforts move.
     """
 
     force_gain: NonNegative = Field(

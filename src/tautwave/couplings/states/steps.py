@@ -22,7 +22,7 @@ class StatesEndParams(NamedTuple):
     """Constants of one end, in its device's own units.
 
     stiffness, damping, injection [N m/rad, N m s/rad or N/m, N s/m]; rejection, own_force,
-    far_force [1]; observes, measures: outside efforts are observed, or measured; else F is the
+    far_force [1]; observes, measures: external efforts are observed, or measured; else F is the
     motor's effort.
     """
 

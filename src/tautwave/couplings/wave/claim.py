@@ -1,4 +1,4 @@
-"""What the port of a wave pair may give out, from the rig's keys: the terms of its `Claim`."""
+"""What the port of a wave pair may supply, from the rig's keys: the terms of its `Claim`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Delays = Mapping[str, CommandDelay]
 
 
 def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
-    """Return what the port of an axis may give out, or the keys without which nothing bounds it."""
+    """Return what the port of an axis may supply, or the keys without which it is unbounded."""
     side = axis_name.split(".")[0]
     axis, pair = rig.axes[axis_name], rig.coupling.pairs[axis_name.split(".")[1]]
     assert isinstance(pair, WavePair)
@@ -97,13 +97,13 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
 
 
 def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
-    """Return what an end may give out in a run, as its encoder sees it [J]; inf: no claim."""
+    """Return what an end may supply in a run, as seen by its encoder [J]; inf: no claim."""
     claim = claim_of(rig, axis_name, delays)
     return claim.seen(rig.claimed_s) if isinstance(claim, Claim) else math.inf
 
 
 def claimed_sentence(axis_name: str, claim: Claim, seconds: float) -> str:
-    """Return what an end may give out in a run, as a sentence."""
+    """Return what an end may supply in a run, as a sentence."""
     seen, true = joules(claim.seen(seconds)), joules(claim.true(seconds))
     moving = ""
     if claim.kinetic > 0.0:

@@ -2,7 +2,7 @@
 
 Two things of each port. On the class of devices given in the rig it returns no more of a wave
 than arrives (`analysis.wave_port.device_class`): behind any passive line the pair is stable. And
-whatever device, hand or noise there is, it gives out no more than its claim.
+whatever device, hand or noise there is, it supplies no more than its claim.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def recheck_run(run: Run) -> dict[str, Any]:
     """Return a run's summary with `certificate.after_run`.
 
     `invalidated` is true if the certificate held before the run and its measurements break it, or
-    if an end gave out more than it claimed, or a receiver more than it got, whatever the
+    if an end supplied more than it claimed, or a receiver more than it got, whatever the
     certificate said. If it cannot be computed, `error` says why. `ends` are `report.ends` by axis,
     `receivers` what those held at the least; `notes` are sentences on ends that were hit and kept
     their claim, on noise beyond the declared, and on effort sensors that motors contradict.

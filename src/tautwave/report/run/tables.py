@@ -120,7 +120,7 @@ def books_table(run: Run) -> Table:
 
 
 def claim_table(run: Run) -> Table:
-    """What each port gave out, against what it claimed before the run."""
+    """What each port supplied, compared with its claim before the run."""
     rows = tuple(
         (
             end.axis,

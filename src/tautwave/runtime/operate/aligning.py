@@ -56,7 +56,7 @@ class Alignment:
         self.keep_offset = self._moving = False
         self.let_go = 0
         self.granted = 0.0
-        """[J] What all alignments so far might give out together."""
+        """[J] What all alignments so far might supply together."""
 
     def begin(self, slot: int, *, keep_offset: bool, moving: bool = False) -> None:
         """Begin in this slot; with `keep_offset` nothing has to be brought into place.

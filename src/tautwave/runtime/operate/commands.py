@@ -26,7 +26,7 @@ PAYLOAD = "payload"
 WORDS = (*COMMANDS, EPISODE, PAYLOAD)
 TOGGLE = "toggle"
 KEYS = {" ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP}
-"""Keys of the terminal; the space bar engages, and lets go while engaged."""
+"""Keys of the terminal; the space bar engages and disengages."""
 
 LONGEST = 4096
 

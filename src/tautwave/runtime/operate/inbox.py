@@ -45,7 +45,7 @@ class Inbox:
                 yield from source.take(now_ns)
 
     def loose(self) -> list[str]:
-        """Return the names of dead-men that nobody holds."""
+        """Return the names of the dead-man switches that are not held."""
         return [one.name for one in self.dead_men if not one.held()]
 
 

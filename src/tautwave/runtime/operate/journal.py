@@ -13,7 +13,7 @@ ROOM = 2000
 """[bytes] For what viewers get."""
 
 MOST = 10_000
-"""Entries that are kept; a run of a day stays small."""
+"""Entries that are kept, so that a day-long run stays small."""
 
 
 class Entry(NamedTuple):

@@ -28,7 +28,7 @@ RELEASED, PRESSED = 0, 1
 """Values of a KEY event; 2 repeats."""
 
 GRAB = 0x40044590
-"""EVIOCGRAB: nobody else gets its keys, so that a pedal types nothing into a terminal."""
+"""EVIOCGRAB: no other program gets its keys, so a pedal types nothing into a terminal."""
 
 MOST = 64
 """Events that are read at once."""

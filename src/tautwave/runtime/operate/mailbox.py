@@ -42,7 +42,7 @@ class Kept:
         self._held = True
 
     def held(self) -> bool:
-        """Return whether nobody let go since the last look."""
+        """Return whether it was held without a break since the last check."""
         return self._held
 
     def take(self, now_ns: int) -> Sequence[Order]:
@@ -74,7 +74,7 @@ class Mailbox:
         return {"pid": os.getpid(), "descriptor": self._write}
 
     def close(self) -> None:
-        """Close it; who sends finds nobody."""
+        """Close it; later senders get an error."""
         for descriptor in (self._read, self._write):
             with suppress(OSError):
                 os.close(descriptor)

@@ -83,7 +83,7 @@ class OperatedControl(CoupledControl):
         self._outside = [0.0] * len(self.pairs)
         self.scale = 1.0
         self.granted = 0.0
-        """[J] What all holds so far might give out together."""
+        """[J] What all holds so far might supply together."""
         self._suspect = self._coupled = False
         self._dead: set[int] = set()
         self._now = self._command = 0

@@ -121,14 +121,14 @@ class Holds:
 
     def __init__(self, params: Sequence[AxisParams], quanta: Sequence[float]) -> None:
         self.capital = [hold_capital(p, q) for p, q in zip(params, quanta, strict=True)]
-        """[J] What a hold may give out, by axis."""
+        """[J] What a hold may supply, by axis."""
         # The last command of before acts for as many closings after the first; a late share of it
         # acts in one more.
         self._acts = [p.delay + (p.late > 0.0) for p in params]
         self.begin()
 
     def begin(self) -> None:
-        """Count what the axes give out from 0 on."""
+        """Count what the axes supply, from 0."""
         self._until = [-1] * len(self._acts)
         self._closed = [-1] * len(self._acts)
         self._floor = [0.0] * len(self._acts)
@@ -150,7 +150,7 @@ class Holds:
 
 
 def hold_capital(p: AxisParams, quantum: float) -> float:
-    """Return what a hold may give out [J]: ten encoder steps against its own damping."""
+    """Return what a hold may supply [J]: ten encoder steps against its own damping."""
     per_step = p.site.limit.stop_damping * p.site.gain / p.site.period
     return 10.0 * per_step * quantum * quantum
 

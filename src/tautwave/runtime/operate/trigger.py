@@ -71,7 +71,7 @@ class TriggerLine:
         return (Order(self._word, "", "trigger"),) if rose else ()
 
     def close(self) -> None:
-        """Lines out off, and let go of the port."""
+        """Switch the output lines off, and release the port."""
         if self._descriptor >= 0:
             self.shows(on=False)
             os.close(self._descriptor)

@@ -56,7 +56,7 @@ class Desk:
         return values
 
     def close(self) -> None:
-        """Release it; who writes finds nobody."""
+        """Release it; later writers get an error."""
         self._word.release()
         self._values.release()
         with suppress(BufferError):

@@ -74,7 +74,7 @@ def ranges(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 
 
 def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
-    """Devices that stand still are as quiet as the rig says; torque is on, without effort."""
+    """Devices that stand still are as quiet as the rig states; torque is on, without effort."""
     yield from control.ask(
         "the drives are enabled with zero effort: take your hands off, then press Enter"
     )

@@ -43,7 +43,7 @@ def throttling(root: Path) -> Finding:
     period = _number(root / "proc/sys/kernel/sched_rt_period_us") or 1_000_000
     mend = "sudo sysctl -w kernel.sched_rt_runtime_us=950000"
     if runtime is None:
-        return Finding("real-time throttling", UNKNOWN, "unknown to the kernel")
+        return Finding("real-time throttling", UNKNOWN, "not reported by the kernel")
     if runtime < 0:
         return Finding(
             "real-time throttling", COSTS, "off",
@@ -130,7 +130,7 @@ def clock(root: Path) -> Finding:
             "boot without highres=off",
         )  # fmt: skip
     if not source:
-        return Finding("clock", UNKNOWN, "unknown to the kernel")
+        return Finding("clock", UNKNOWN, "not reported by the kernel")
     if source in FAST_CLOCKS:
         return Finding("clock", GOOD, source)
     mend = "the processor has no faster one"

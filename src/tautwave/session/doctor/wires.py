@@ -97,7 +97,7 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
             f"sudo ip link set {channel} txqueuelen 100",
         )  # fmt: skip
     elif not queue.isdigit():
-        yield Finding(channel, UNKNOWN, "queue length: unknown to the kernel")
+        yield Finding(channel, UNKNOWN, "queue length: not reported by the kernel")
 
 
 def link_details(channel: str) -> Mapping[str, Any]:

@@ -207,7 +207,9 @@ def _side_to_weigh(rig: Rig, axis: str | None) -> str:
     if axis not in rig.axes:
         raise ConfigError(f"{rig.name}: there is no axis {axis!r}; there are {', '.join(rig.axes)}")
     if rig.axes[axis].causality != "impedance":
-        raise ConfigError(f"{axis} is an admittance axis: its drive carries its load itself")
+        raise ConfigError(
+            f"{axis} is an admittance axis: its drive compensates for the load itself"
+        )
     return axis.partition(".")[0]
 
 

@@ -63,7 +63,7 @@ class Rest:
         self._beyond = False
         self._seated: dict[int, bool] = {}
         self.granted = [0.0] * len(own)
-        """[J] By pair, what all alignments and holds so far might give out."""
+        """[J] By pair, what all alignments and holds so far might supply."""
         self.hindrance = ""
         self._resting = False
         self._taken = [0.0] * len(own)

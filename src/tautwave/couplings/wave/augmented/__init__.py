@@ -31,7 +31,7 @@ from tautwave.registry import load_named
 
 
 class AugmentedParams(NamedTuple):
-    """Observer of the outside effort, and the gap of the waves that a force stands for.
+    """Observer of the external effort, and the gap of the waves that a force stands for.
 
     `share` [W**0.5 s per N m or N]: k / sqrt(2b), over what the port repays in a second.
     """
