@@ -175,14 +175,14 @@ def test_a_derated_wall_is_what_runs(tmp_path: Path) -> None:
     derated = wall(9.0, 0.0, "derate: true")
     done = tautwave("run", README_RIG, *QUICK, *INTO_THE_WALL, "--set", derated, cwd=tmp_path)
     assert done.exit_code == 0, done.stderr
-    assert "K = 9 asked, 3.8 rendered" in done.stdout
+    assert "K = 9 requested, 3.8 rendered" in done.stdout
     reported = summary_of(tmp_path)["certificate"]
     assert reported["walls"]["slave.lever"] == {
         "asked_stiffness": 9.0,
         "rendered_stiffness": 3.8,
         "derate": True,
     }
-    assert "K = 9 asked, 3.8 rendered" in page_of(tmp_path / "out")
+    assert "K = 9 requested, 3.8 rendered" in page_of(tmp_path / "out")
     from tautwave.config import load_rig
 
     ran = load_rig(tmp_path / "out/rig.yaml").coupling.pairs["lever"].wall_slave
@@ -207,7 +207,7 @@ def test_overruns_in_a_wall_that_let_energy_out_break_the_certificate(tmp_path: 
     assert held["needed_damping"] == pytest.approx(3.0 * 9e-3 / 2.0 + 4e-4, rel=1e-6)
     assert held["balance_j"] < 0.0
     assert "held for 9 ms" in done.stderr
-    assert re.search(r"A contact gave \S+ J more than it took\.", done.stderr)
+    assert re.search(r"A contact returned \S+ J more than it absorbed\.", done.stderr)
     assert "invalidates its certificate" in page_of(tmp_path / "out")
 
 
@@ -222,7 +222,7 @@ def test_a_wall_that_pays_back_what_a_stall_let_out_keeps_its_claim(tmp_path: Pa
     assert held["balance_j"] < 0.0
     stated = f"gives at most {joules(held['claim_j'])} more than it took"
     assert any(stated in sentence for sentence in before["slave wall"]["sentences"])
-    assert re.search(r"J more than it took\. It claims \S+ J for that", held["sentence"])
+    assert re.search(r"J more than it absorbed\. It claims \S+ J for that", held["sentence"])
 
 
 @pytest.mark.slow
@@ -234,7 +234,7 @@ def test_overruns_in_a_wall_that_let_none_out_do_not(tmp_path: Path) -> None:
         assert held["held_s"] == pytest.approx(4e-3)
         assert held["needed_damping"] > held["damping"]
         assert held["balance_j"] >= 0.0
-        assert "No contact of this run gave more than it took" in held["sentence"]
+        assert "No contact of this run returned more energy than it absorbed" in held["sentence"]
 
 
 @pytest.mark.slow

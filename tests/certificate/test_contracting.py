@@ -78,7 +78,7 @@ def test_a_better_belief_brings_what_was_promised() -> None:
         certify(rig("coupling.pairs.lever.pole_slave=0.3", name=NAME)), "slave.lever port"
     )
     [text] = [one for one in port.sentences if "springs up to 4437" in one]
-    [promised] = re.findall(r"a tenth more inertia\.lower raises that by (\d+) %", text)
+    [promised] = re.findall(r"10 % more inertia\.lower raises that by (\d+) %", text)
     lower = 1.1 * rig(name=NAME).slave.axes["lever"].inertia.lower
     heavier = (
         "coupling.pairs.lever.pole_slave=0.3",

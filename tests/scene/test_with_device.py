@@ -134,7 +134,7 @@ def test_check_says_the_modes_and_that_such_a_network_gives_energy():
     ("more", "says"),
     [
         (["scene.links.second={type: spring, between: [object, ground], stiffness: 10}"], "spring"),
-        pytest.param(["rate_hz=500"], "no numbers", marks=pytest.mark.slow),
+        pytest.param(["rate_hz=500"], "no spring and damper values", marks=pytest.mark.slow),
     ],
 )
 def test_what_has_no_such_numbers_is_refused(more, says):

@@ -118,7 +118,7 @@ def test_a_slave_in_whose_way_something_is_says_so_on_both_sides(
     for half in (two.slave, two.master):
         error = half.control.error()
         assert isinstance(error, LinkError)
-        assert "slave lever not aligned: something is in its way, or its friction" in str(error)
+        assert "slave lever not aligned: it is blocked, or its friction" in str(error)
         assert "; not ready within 3 s" in str(error)
     aligning = two.slave["link.aligning"] == 1.0
     assert np.abs(two.slave["slave.lever.commanded"][aligning]).max() <= 0.2 * 1.125 + 1e-12
@@ -172,7 +172,7 @@ def test_a_peer_that_goes_while_the_slave_is_on_its_way_leaves_it_held(pair: Mak
     here = place_of(two.slave, "slave")
     while two.slave.slot < two.slave.control.end:
         two.run(1, two.slave)
-    assert "master is lost since" in str(two.slave.control.error())
+    assert "master has been lost since" in str(two.slave.control.error())
     assert abs(place_of(two.slave, "slave") - here) < 0.02
     assert abs(two.slave["slave.lever.commanded"][-1]) < 1e-3
     assert two.slave.residual() < 1e-9

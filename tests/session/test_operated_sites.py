@@ -220,7 +220,7 @@ def test_a_fault_at_one_site_holds_both_until_a_person_at_either_rests(pair: Mak
     two.master.ask("engage")
     two.run(2)
     assert words(two.master)[-1] == ("engage", "key", "holding")
-    assert "refused after a fault" in two.master.control.journal.entries[-1].text
+    assert "rejected after a fault" in two.master.control.journal.entries[-1].text
     two.master.ask("rest")
     two.run(2)
     assert two.slave.control.wants_reset  # which the loop does
@@ -267,7 +267,7 @@ def test_who_is_gone_is_waited_for_in_a_hold_and_then_lost(pair: Make) -> None:
         two.run(1, two.slave)
     error = two.slave.control.error()
     assert isinstance(error, LinkError)
-    assert "master is lost since" in str(error)
+    assert "master has been lost since" in str(error)
 
 
 @SLOW
@@ -315,7 +315,7 @@ def test_a_slave_that_is_not_in_its_place_in_time_is_held_and_both_say_so(
     two.until(lambda: both(two, "holding"))
     for half in (two.master, two.slave):
         (said,) = [one.text for one in half.control.journal.entries if one.word == "blocked"]
-        assert said.startswith("slave lever not aligned: something is in its way, or its fric")
+        assert said.startswith("slave lever not aligned: it is blocked, or its fric")
     assert two.slave.control.error() is None
 
 
@@ -353,7 +353,7 @@ def test_stop_ends_both(pair: Make) -> None:
 @SLOW
 def test_a_scale_and_an_unknown_word_are_refused(pair: Make) -> None:
     two = pair(STILL)
-    for word, sentence in (("scale", "scale: not at one of two sites"), ("jump", "unknown")):
+    for word, sentence in (("scale", "scale: not available with two sites"), ("jump", "unknown")):
         two.master.ask(word, "0.5")
         two.run(1)
         entry = two.master.control.journal.entries[-1]

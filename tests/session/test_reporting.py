@@ -38,7 +38,7 @@ def answering(code: int, reported: str) -> Callable[..., Any]:
             raising(KeyboardInterrupt()),
             "interrupted by Ctrl-C; run `tautwave report {out}` to write it",
         ),
-        (raising(subprocess.TimeoutExpired("x", 600)), "it took over 600 s; `tautwave report"),
+        (raising(subprocess.TimeoutExpired("x", 600)), "it took over 600 s; run `tautwave report"),
         (answering(1, "Traceback\nMemoryError: no room\n"), "MemoryError: no room"),
         (answering(-9, ""), "no reason given"),
     ],

@@ -102,7 +102,7 @@ def test_who_is_killed_is_lost(start: Start, killed: int) -> None:
     other = sites[1 - killed]
     assert other.ended() == 5
     name = ("master", "slave")[killed]
-    assert f"{name} is lost since" in other.said()
+    assert f"{name} has been lost since" in other.said()
     assert "not back within 2 s" in other.said()
     assert "Traceback" not in other.said()
 
@@ -135,7 +135,7 @@ def test_who_stood_still_for_longer_than_its_claim_allows_stops_and_says_so(star
     master.stop_for(3.0)
     assert (master.ended(), slave.ended()) == (6, 5)
     assert "slots of 1 ms were missed in a row" in master.said()
-    assert "master is lost since" in slave.said()
+    assert "master has been lost since" in slave.said()
     assert "it stopped: " in slave.said()
 
 
@@ -143,7 +143,7 @@ def test_who_is_stopped_for_longer_than_the_other_waits_is_lost(start: Start) ->
     master, slave = both(start, "link.lost_s=2")
     master.stop_for(5.0)
     assert slave.ended() == 5
-    assert "master is lost since" in slave.said()
+    assert "master has been lost since" in slave.said()
     assert master.ended() in (0, 5)
     assert "Traceback" not in master.said()
 

@@ -119,6 +119,27 @@ def test_a_long_sweep_holds_a_window_of_pieces(monkeypatch: pytest.MonkeyPatch) 
     assert not client.alive
 
 
+class Again(Future[Any]):
+    """A piece whose worker dies when it is done, and which is then made again."""
+
+    died = False
+
+    @property
+    def status(self) -> str:
+        before, self.died = self.died, True
+        return "finished" if before else "lost"
+
+
+def test_a_result_that_went_with_its_worker_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    cluster, client = told(monkeypatch, repeat(1))
+    lost, kept = Again(), Future[Any]()
+    for number, future in enumerate((lost, kept)):
+        future.set_result(number)
+    kept.status = "finished"  # type: ignore[attr-defined]
+    monkeypatch.setattr(client, "map", lambda *_, **__: [lost, kept])
+    assert sorted(cluster(times_ten, [(0, 1), (1, 2)])) == [0, 1]
+
+
 def test_what_ended_beside_a_failure_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     cluster, _ = told(monkeypatch, repeat(4))
     results = cluster(one_over, [(2, 3), (0, 1), (4, 5)])

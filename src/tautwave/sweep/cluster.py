@@ -21,7 +21,7 @@ import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -193,13 +193,17 @@ class Cluster:
         try:
             fill()
             while waiting:
-                ended = self._next(finished)
-                good = [one for one in ended if one.status == "finished"]
+                by_status: dict[str, list[Any]] = {}
+                for one in self._next(finished):
+                    by_status.setdefault(one.status, []).append(one)
+                good = by_status.pop("finished", [])
+                for one in (*by_status.pop("lost", []), *by_status.pop("pending", [])):
+                    # Its worker died with the result; the scheduler has it made again.
+                    one.add_done_callback(finished.put)
                 yield from client.gather(good)
-                for one in ended:
-                    if one.status != "finished":
-                        one.result()  # raises what befell it
-                waiting.difference_update(ended)
+                for one in chain.from_iterable(by_status.values()):
+                    one.result()  # raises what befell it
+                waiting.difference_update(good)
                 fill()
         except (ConfigError, LinkError):
             raise
