@@ -99,4 +99,4 @@ def test_the_budget_adds_up_to_the_delay_of_the_pair() -> None:
 
 def test_what_a_site_reads_of_the_network_is_no_statement_about_the_real_one() -> None:
     words = dict(check(rig("sites.here=slave", name=NAME)).facts)["network"]
-    assert words.startswith("the real network; delays assumed as in:  10 ms each way")
+    assert words.startswith("the real network; delays assumed as in: 10 ms each way")

@@ -141,7 +141,7 @@ def test_a_link_replaces_nothing_but_a_link_to_a_line(tmp_path: Path) -> None:
     other = tmp_path / "elsewhere"
     other.symlink_to(kept)
     for taken in (kept, other, tmp_path):
-        with pytest.raises(DriverError, match="is there already and is"):
+        with pytest.raises(DriverError, match="already exists and is"):
             serve(taken)
     assert kept.read_text() == "not to be lost"
     assert other.readlink() == kept
