@@ -89,7 +89,7 @@ def test_it_runs_as_any_other(python: Path, tmp_path: Path) -> None:
         assert run["residual"] == pytest.approx(0.0, abs=1e-9)
         assert run["plan"]["hand on master.lever"] == "part tremor"
     fluid, pd = reported["example parts"], reported["PD with damping injection"]
-    assert fluid["plan"]["environment of slave.lever"].startswith("part fluid, moved in Python")
+    assert fluid["plan"]["environment of slave.lever"].startswith("part fluid, runs in Python")
     kept = "part fluid, which slave.lever touches, also keeps it stable"
     assert kept in fluid["stable"]["conditions"]
     assert pd["passive"]["passed"] is True
