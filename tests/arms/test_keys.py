@@ -111,6 +111,7 @@ WRONG = (
         'type="revolute">\n    <origin xyz="0.3 0 0"/>',
         ":21: joint 'glue' branches off at link 'upper': only serial chains are supported",
     ),
+    ('xyz="0 2 0"', 'xyz="0 2_0 0"', ":12: xyz of <axis> should be 3 finite numbers"),
     ('xyz="0 2 0"', 'xyz="0 0 0"', ":12: joint 'shoulder': its axis vector is zero or not finite"),
     (
         'xyz="0 2 0"',

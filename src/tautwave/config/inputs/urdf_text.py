@@ -98,7 +98,7 @@ class UrdfReader:
         """Return an attribute of finite numbers."""
         text = self.word(node, key)
         try:
-            found = [float(part) for part in text.split()]
+            found = [] if "_" in text else [float(part) for part in text.split()]
         except ValueError:
             found = []
         if len(found) != count or not all(math.isfinite(value) for value in found):
