@@ -26,8 +26,9 @@ NETWORKS = (
     "loss 100%",  # an outage of 10 s
     "loss 30% delay 100ms 20ms",
     "delay 10ms rate 400kbit",
+    "delay 10ms",  # over which a site that ends can say so
 )
-SECONDS = (3, 3, 10, 5, 4)
+SECONDS = (3, 3, 10, 5, 4, 3)
 
 HEAVY = "{value: 16e-3, lower: 11e-3, source: made up}"
 DAMPED = "{value: 20e-3, lower: 10e-3, source: made up}"
