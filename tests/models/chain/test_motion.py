@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from typing import Any
@@ -104,6 +105,36 @@ def test_a_step_that_does_not_settle_is_halved(seed: int, count: int, h: float) 
     energy = 0.5 * 2e5 * sum((0.1 * i + 0.1) ** 2 for i in range(count))
     assert run(chain, plant, 50, h)[2] < 1e-9 * energy
     assert run(chain, plant, 50, h, halvings=0)[2] > 1e-2 * energy
+
+
+def spun(seed: int, speed: float, h: float, steps: int, **more: int) -> Any:
+    """Return the speeds of three light joints that spin freely, the matrix there, and energies."""
+    chain, plants, none = chain_of(seed, 3), (BARE._replace(mass=1e-3),) * 3, [0.0] * 3
+    x, v = [0.0, 0.1, 0.2], [speed, -speed, speed]
+    here = place_chain(chain, plants, x)
+    energies = []
+    for _ in range(steps):
+        x, v, _, here = chain_step(chain, plants, here, x, v, v, none, none, none, h, **more)
+        energies.append(kinetic_energy(here.matrix, v) + here.potential)
+    return v, here.matrix, energies
+
+
+@pytest.mark.parametrize("seed", [35, 45])
+def test_a_step_whose_books_close_by_a_bent_motion_is_halved(seed: int) -> None:
+    fine, matrix, _ = spun(seed, 200.0, 2e-3 / 256, 256)
+    errors = [
+        kinetic_energy(matrix, [a - b for a, b in zip(found, fine, strict=True)])
+        for found in (spun(seed, 200.0, 2e-3, 1)[0], spun(seed, 200.0, 2e-3, 1, halvings=0)[0])
+    ]
+    assert errors[0] < 0.1 * errors[1]
+
+
+def test_a_step_that_never_settles_gives_nothing_out() -> None:
+    """Joints that turn by radians in a step which may not be halved."""
+    for seed in range(8):
+        _, _, energies = spun(seed, 600.0, 1e-2, 40, halvings=0)
+        first = max(abs(energies[0]), 1.0)
+        assert all(b - a < 1e-8 * first for a, b in itertools.pairwise(energies))
 
 
 @pytest.mark.slow

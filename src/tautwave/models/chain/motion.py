@@ -41,6 +41,10 @@ SMALL = 1e-3
 ROUNDING = 1e-14
 """The same per potential and work [J]: what their sums lose."""
 
+BENT = 0.05
+"""Part of the chain's momentum that the correction may take or give in a step: of third order as
+it is, with more than that the books close and the motion is another one."""
+
 LEAST = 1e-6
 """Twice the kinetic energy [J] of the mean speeds, below which the correction is left out: being of
 third order, it is lost in rounding."""
@@ -114,9 +118,10 @@ def chain_step(
 ) -> Moved:
     """Move a chain on by `h` [s] under constant efforts.
 
-    A step whose balance does not close is made in two halves, and these in halves, `halvings`
-    times at most: joints that turn by a tenth of a radian and more in a step need it. Should
-    that not do, the best iterate stands, and the balance of `Moved` tells how wrong it is.
+    A step whose balance does not close, or closes by a correction that bends the motion, is made
+    in two halves, and these in halves, `halvings` times at most: joints that turn by a tenth of a
+    radian and more in a step need it. Should that not do, the best iterate stands, with a loss in
+    place of a gain, and the balance of `Moved` tells how wrong it is.
 
     Parameters
     ----------
@@ -137,9 +142,11 @@ def chain_step(
     halvings : int
         How often the step may be halved.
     """
-    moved = _tried(c, plants, here, x, v, guess, efforts, references, rates, h)
-    if halvings == 0 or _closed(here, v, moved):
+    moved, share = _tried(c, plants, here, x, v, guess, efforts, references, rates, h)
+    if _closed(here, v, moved, share):
         return moved
+    if halvings == 0:
+        return _cut(here, v, moved)
     h = 0.5 * h
     first = chain_step(c, plants, here, x, v, v, efforts, references, rates, h, halvings - 1)
     ahead = [a + h * rate for a, rate in zip(references, rates, strict=True)]
@@ -153,14 +160,28 @@ def chain_step(
     return last._replace(flows=flows)
 
 
-def _closed(here: Placed, v: list[float], moved: Moved) -> bool:
-    """Return whether the chain's energy changed by what its joints gave."""
+def _closed(here: Placed, v: list[float], moved: Moved, share: float) -> bool:
+    """Return whether the chain's energy changed by what its joints gave, hardly corrected."""
     before = kinetic_energy(here.matrix, v)
     after = kinetic_energy(moved.place.matrix, moved.v)
     given = sum(flow.given for flow in moved.flows)
     off = after - before + moved.place.potential - here.potential - given
     rounding = ROUNDING * (abs(here.potential) + abs(given))
-    return abs(off) <= CLOSED * (before + after + SMALL) + rounding
+    mean = [0.5 * (a + b) for a, b in zip(v, moved.v, strict=True)]
+    bent = share * share * kinetic_energy(moved.place.matrix, mean)
+    scale = before + after + SMALL
+    return abs(off) <= CLOSED * scale + rounding and bent <= BENT * BENT * scale
+
+
+def _cut(here: Placed, v: list[float], moved: Moved) -> Moved:
+    """Return an open step that loses by as much as it had gained: what gains would run away."""
+    given = sum(flow.given for flow in moved.flows)
+    there = kinetic_energy(here.matrix, v) + here.potential + given - moved.place.potential
+    after = kinetic_energy(moved.place.matrix, moved.v)
+    if after <= there:
+        return moved
+    share = math.sqrt(max(2.0 * there - after, 0.0) / after) if after < math.inf else 0.0
+    return moved._replace(v=[share * w for w in moved.v])
 
 
 def _tried(
@@ -174,8 +195,8 @@ def _tried(
     references: list[float],
     rates: list[float],
     h: float,
-) -> Moved:
-    """Return one step as the best iterate has it."""
+) -> tuple[Moved, float]:
+    """Return one step as the best iterate has it, and the factor s that it was found with."""
     count = len(x)
     mean = [0.5 * (a + b) for a, b in zip(v, guess, strict=True)]
     signs = [math.copysign(1.0, w) if w != 0.0 else 0.0 for w in mean]
@@ -183,6 +204,7 @@ def _tried(
     swung = [0.0] * count
     least = math.inf
     best = mean
+    bends = 0.0
     for _ in range(ITERATIONS):
         end = [a + h * w for a, w in zip(x, mean, strict=True)]
         there = place_chain(c, plants, end)
@@ -206,6 +228,7 @@ def _tried(
         if change < least:
             least = change
             best = found
+            bends = share
         elif change > DIVERGED * least:
             break
         if change <= CONVERGED * max(1.0, max(abs(w) for w in mean)):
@@ -217,7 +240,7 @@ def _tried(
         _flows(plants[i], x[i], end[i], mean[i], efforts[i], references[i], rates[i], h)
         for i in range(count)
     ]
-    return Moved(end, speeds, flows, place_chain(c, plants, end))
+    return Moved(end, speeds, flows, place_chain(c, plants, end)), bends
 
 
 def _correction(
