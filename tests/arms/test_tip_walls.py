@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from typing import Any
 
 import pytest
@@ -15,17 +16,22 @@ SLIDES = [1.0 if i == j else 0.0 for j in range(3) for i in range(6)]
 """Derivatives of a tip that three sliding joints move along x, y and z."""
 
 
-def bounce(delay: int, speed: float, **keys: Any) -> tuple[float, TipWall]:
-    """Throw a mass down at a floor; return its speed afterwards over that before."""
+def bounce(
+    delay: int, speed: float, missing: float = 0.0, seed: int = 0, **keys: Any
+) -> tuple[float, TipWall]:
+    """Throw a mass down at a floor; return its speed afterwards over that before.
+
+    `missing` is the share of samples that do not come.
+    """
+    rng = random.Random(seed)
     wall = ArmWall(shape="plane", normal=(0.0, 0.0, 1.0), stiffness=1000.0, **keys)
     tip = TipWall("floor", wall, [0.0] * 3, Effort(3, delay, 0.0), [1.0 / MASS] * 3, PERIOD)
     x, v = [0.0, 0.0, 0.0133], [0.4 * speed, 0.0, -speed]
-    moved = [0.0] * 3
+    seen, stride = list(x), [0.0] * 3
     waiting = [[0.0] * 3 for _ in range(delay)]
     touched = False
     for _ in range(3000):
-        tip.effort.begin()
-        waiting.append(tip.push(x, SLIDES, moved))
+        waiting.append(tip.push(seen, SLIDES, stride))
         force = waiting.pop(0)
         touched = touched or any(force)
         if touched and not any(any(sent) for sent in (force, *waiting)) and v[2] > 0.0:
@@ -34,7 +40,12 @@ def bounce(delay: int, speed: float, **keys: Any) -> tuple[float, TipWall]:
         v = [w + f / MASS * PERIOD for w, f in zip(v, force, strict=True)]
         x = [a + b for a, b in zip(x, moved, strict=True)]
         tip.effort.pass_slots(1)
-        tip.close(moved)
+        if rng.random() >= missing:
+            moved = [a - b for a, b in zip(x, seen, strict=True)]
+            stride = [step / tip.effort.slots for step in moved]
+            seen = x
+            tip.close(moved)
+            tip.effort.begin()
     assert touched
     return math.hypot(*v) / math.hypot(0.4 * speed, speed), tip
 
@@ -51,6 +62,23 @@ def test_a_mass_comes_back_no_faster(speed: float) -> None:
 def test_late_commands_are_paid_from_what_is_left() -> None:
     ratio, _ = bounce(2, 1.0, force_limit=1e6)
     assert ratio <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize(("delay", "most"), [(0, 1.0 + 1e-9), (2, 1.03)])
+def test_a_wall_does_not_push_for_longer_than_it_foresaw(delay: int, most: float) -> None:
+    """Its force would act on while samples are missing; of late commands only those under way."""
+    ratios = [bounce(delay, 1.0, 0.3, seed, force_limit=1e6)[0] for seed in range(40)]
+    assert max(ratios) <= most
+
+
+def test_what_a_wall_owes_the_next_contact_pays() -> None:
+    wall = ArmWall(shape="plane", normal=(0.0, 0.0, 1.0), stiffness=1000.0)
+    tip = TipWall("floor", wall, [0.0] * 3, Effort(3, 0, 0.0), [10.0] * 3, PERIOD)
+    tip._account = -1e-3  # a stall of the host: its force acted on
+    tip.push([0.0, 0.0, 0.01], SLIDES, [0.0] * 3)
+    tip.push([0.0, 0.0, -0.01], SLIDES, [0.0, 0.0, 1e-4])
+    assert tip._force == [0.0] * 3
+    assert tip._account == -1e-3
 
 
 def test_nothing_bounces_off_a_guard() -> None:
@@ -73,6 +101,29 @@ def test_what_noise_costs_a_held_force_is_put_back_and_booked() -> None:
     row = [0.0] * 7
     assert tip.fill(row, 0) == 7
     assert row[6] == pytest.approx(4 * 1000.0 * 3e-8)
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 1e-5, 1e-4])
+def test_what_begins_inside_a_wall_gets_no_more_than_the_stated_power(sigma: float) -> None:
+    """Nothing is in the account; every second stride seems to go further in, by noise alone."""
+    wall = ArmWall(shape="plane", normal=(0.0, 0.0, 1.0), stiffness=1000.0)
+    softness = [1.0 / MASS] * 3
+    tip = TipWall("floor", wall, [sigma**2] * 3, Effort(3, 0, 0.0), softness, PERIOD)
+    tip._proxy = (0.0, 0.0, 0.0)
+    rng = random.Random(0)
+    x, v, given = -0.1, 0.0, 0.0
+    seen, stride = x, 0.0
+    for _ in range(3000):
+        force = tip.push([0.0, 0.0, seen], SLIDES, [0.0, 0.0, stride])[2]
+        v += (force - 2.0 * v) / MASS * PERIOD
+        x += v * PERIOD
+        given += force * v * PERIOD
+        before, seen = seen, x + rng.gauss(0.0, sigma)
+        stride = seen - before
+        tip.effort.pass_slots(1)
+        tip.close([0.0, 0.0, stride])
+        tip.effort.begin()
+    assert given <= tip._granted
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,9 @@ from tautwave.laws.space.wall import SpaceWallParams, allowed_share, wall_force,
 from tautwave.models.chain.task import COORDINATES, joint_efforts
 from tautwave_drivers.arm.walls import ArmWall
 
+SURE = 3.0
+"""Standard deviations of a stride's noise, beyond which a wall in debt believes that it takes."""
+
 GUARDED = 1.4
 """Damping of a guard over the root of stiffness times mass: it comes back without a swing."""
 
@@ -122,7 +125,10 @@ class TipWall:
         if self._depth == 0.0:
             pending = any(any(sent) for sent in self.effort.waiting)
             if not pending:
-                self._account = 0.0
+                self._account = min(self._account, 0.0)  # what it owes, the next contact pays
+            self.effort.set(efforts)
+            return efforts
+        if self.effort.slots:  # no sample: what acts since the last one is not in the account yet
             self.effort.set(efforts)
             return efforts
         speed = [0.0, 0.0, 0.0]
@@ -144,6 +150,9 @@ class TipWall:
         joint_efforts(jacobian, (*force, 0.0, 0.0, 0.0), efforts)
         left, moving = self._foreseen(stride)
         given = sum(a * b for a, b in zip(efforts, moving, strict=True))
+        if left < 0.0:  # in debt, what only the encoders' noise takes is not foreseen
+            unsure = sum(a * a * b for a, b in zip(efforts, self._noise, strict=True))
+            given += SURE * math.sqrt(2.0 * unsure)
         fast = self._added(efforts)
         share = allowed_share(left, given, fast)
         self._force = [share * part for part in force]
