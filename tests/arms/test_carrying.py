@@ -142,6 +142,30 @@ def test_the_load_is_held_as_it_will_be_half_way() -> None:
     assert inner.written[2][0] is SAFE_COMMAND
 
 
+def test_what_moves_while_the_devices_are_reset_is_in_no_book() -> None:
+    """Without torque an arm sinks: that gave nothing, and lowers what may leak later by nothing."""
+    p = LoadParams(-3.0, 0.0, 0.0)
+    axis = CarriedAxis("slave.a", 10.0, np.inf, 0.0, 1, 0.0)
+    side = SideLoad("slave", [axis], lambda x: ([-load_effort(p, x[0])], load_energy(p, x[0])))
+    inner = Recorded([0.0, 0.1, 0.1, -0.9, -0.9, -0.8, -0.8])
+    driver: Any = CarryingDriver(inner, [(side, 0)], 1000)  # type: ignore[arg-type]
+    books = []
+    for k in range(7):
+        if k == 3:
+            driver.write([SAFE_COMMAND])
+            driver.open()
+        driver.read(1000 * k + (90_000 if k >= 3 else 0))
+        driver.write([AxisCommand(0.0, 0.0)])
+        row = [0.0] * len(side.columns)
+        side.fill(row, 0)
+        books.append(dict(zip(side.columns, row, strict=True)))
+    for what in ("a.energy", "potential", "leak", "given"):
+        values = [row[f"load.slave.{what}"] for row in books]
+        assert values[3] == pytest.approx(values[2]), what
+    assert books[-1]["load.slave.potential"] == pytest.approx(0.6)
+    assert books[3]["load.slave.a.effort"] == pytest.approx(3.0)
+
+
 def test_it_slews_clips_and_keeps_to_the_drives_steps() -> None:
     p = LoadParams(-3.0, 0.0, 0.0)
     inner, side = carry([0.0] * 4, p, step=1.2, reserve=2.0, quantum=0.5)

@@ -66,6 +66,22 @@ def test_neither_what_was_sent_before_it_is_booked_nor_what_moved_in_it(
     assert given[8:] == [given[7]] * 4
 
 
+def test_an_arm_that_sinks_in_it_leaked_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    weight = "buses.hand.options.chain.gravity=[0, -9.81, 0]"
+    driver, joints = made(monkeypatch, PLANAR, "hand", weight)
+    books = []
+    for at in (1.2, -0.4):
+        driver.open()
+        for k in range(3):
+            joints.positions = (0.6, at + 1e-3 * k)
+            driver.read(1_000_000 * k)
+            books.append(columns(driver))
+            driver.write([AxisCommand(0.0, 0.0)] * 2)
+    assert books[2]["tip.hand.potential"] != 0.0
+    for what in ("potential", "leak", "given"):
+        assert books[3][f"tip.hand.{what}"] == pytest.approx(books[2][f"tip.hand.{what}"])
+
+
 def test_a_reset_begins_with_the_whole_reserve(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bent against its drives, as above, until it stops; reset, moved by hand; bent again."""
     driver, joints = following(

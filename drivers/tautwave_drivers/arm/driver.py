@@ -59,6 +59,7 @@ class ArmDriver(JointsBehind):
         """Open the joints' bus; no earlier effort acts any more."""
         for part in self._parts:
             part.drop()
+        self._start = None
         super().open()
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
@@ -94,7 +95,8 @@ class ArmDriver(JointsBehind):
             part.begin()
         _, height = self._weight(q)
         if self._start is None:
-            self._start = height
+            # What moved while the devices were reset is no work of theirs.
+            self._start = height - self._potential
         self._potential = height - self._start
         self._least = min(self._least, self._carried + self._potential)
 

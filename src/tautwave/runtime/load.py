@@ -91,6 +91,15 @@ class SideLoad:
         if self.others:
             self.columns.append(f"load.{name}.changed")
 
+    def drop(self, which: int) -> None:
+        """Forget where an axis is and what was sent to it: its device is opened, maybe anew."""
+        self._known[which] = False
+        self._stride[which] = self._effort[which] = 0.0
+        self._waiting[which] = deque([0.0] * self.axes[which].delay)
+        self._acted[which] = self._sum[which] = 0.0
+        self._slots[which] = 0
+        self._start = None
+
     def pass_slots(self, which: int, slots: int) -> None:
         """File the effort that acted in each of the slots that went by."""
         axis = self.axes[which]
@@ -172,7 +181,8 @@ class SideLoad:
             self._effort[which] = truncate(last + change, axis.quantum)
         _, potential = self._weigh(self._x)
         if self._start is None:
-            self._start = potential
+            # What moved while the devices were reset is no work of theirs.
+            self._start = potential - self._changed - self._potential
         self._potential = potential - self._start - self._changed
         self._least = min(self._least, self.leak)
 
@@ -233,7 +243,6 @@ class CarryingDriver:
         self._period_ns = period_ns
         self._deadline_ns: int | None = None
         self.command_delay: CommandDelay = driver.command_delay
-        self.open = driver.open
         self.enable_step = driver.enable_step
         self.request = driver.request
         self.disable = driver.disable
@@ -242,6 +251,13 @@ class CarryingDriver:
     def __getattr__(self, name: str) -> Any:
         """Return what else a driver may have: `poll`, `notes`."""
         return getattr(self._driver, name)
+
+    def open(self) -> None:
+        """Open the driver, at the start or for a reset; no earlier effort acts any more."""
+        for seat in self._seats:
+            if seat is not None:
+                seat[0].drop(seat[1])
+        self._driver.open()
 
     def faults(self) -> Sequence[Fault]:
         """Return the faults reported since the last call."""
