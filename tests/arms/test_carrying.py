@@ -321,6 +321,7 @@ def test_the_hand_holds_what_the_slave_weighs() -> None:
     [
         (["coupling.pairs.lever.offset=at_engage"], "give the offset as a number"),
         (["slave.axes.lever.load.compensate=false"], "the hand feels it anyway; remove it"),
+        (["operate.scales=[0.5]"], "at the rig's own scale"),
         (
             ["master.axes.lever.load={constant: 0.1, reflect_load: true}"],
             "only for slave axes: the hand feels its own device anyway; remove it",

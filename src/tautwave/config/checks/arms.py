@@ -74,6 +74,11 @@ def _check_reflected(document: Document, parts: Parts) -> None:
             )
         if pair is not None:
             powers.add(pair.effective_force_scale * pair.position_scale)
+    if felt and document.get(("operate", "scales")):
+        document.report(
+            ("operate", "scales"),
+            "the hand feels what the slave weighs (reflect_load) at the rig's own scale; remove it",
+        )
     if powers and max(powers) - min(powers) > 1e-9 * max(powers):
         document.report(
             next(iter(felt.values())),
