@@ -107,6 +107,13 @@ def test_a_step_that_does_not_settle_is_halved(seed: int, count: int, h: float) 
     assert run(chain, plant, 50, h, halvings=0)[2] > 1e-2 * energy
 
 
+def test_each_half_of_a_step_is_led_by_its_own_part_of_the_reference() -> None:
+    """Hands that move by 0.01 in a step, as stiff as the springs above: their work is in it."""
+    plant = BARE._replace(mass=1e-3, grip_stiffness=2e5, grip_damping=1.0)
+    energy = 0.5 * 2e5 * sum((0.1 * i + 0.1) ** 2 for i in range(4))
+    assert run(chain_of(4, 4), plant, 50, 2e-3, reference=-0.1, rate=5.0)[2] < 1e-9 * energy
+
+
 def spun(seed: int, speed: float, h: float, steps: int, **more: int) -> Any:
     """Return the speeds of three light joints that spin freely, the matrix there, and energies."""
     chain, plants, none = chain_of(seed, 3), (BARE._replace(mass=1e-3),) * 3, [0.0] * 3
