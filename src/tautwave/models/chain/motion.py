@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from tautwave.models.chain.friction import speeds_under_friction
 from tautwave.models.chain.gravity import chain_gravity
 from tautwave.models.chain.inertia import (
     BASE,
@@ -222,7 +223,7 @@ def _tried(
                 row += half[i * count + j] * v[j]
             right[i] = 2.0 * row + h * (held - weight[i] - swung[i])
             matrix[i * count + i] += h * slope
-        found = _friction(matrix, right, [h * p.coulomb for p in plants], signs)
+        found = speeds_under_friction(matrix, right, [h * p.coulomb for p in plants], signs)
         change = max(abs(a - b) for a, b in zip(found, mean, strict=True))
         mean = found
         if change < least:
@@ -362,57 +363,3 @@ def _flows(
         (push - wall) * p.wall_side * moved,
         given,
     )
-
-
-def _friction(
-    matrix: list[float], right: list[float], coulomb: list[float], signs: list[float]
-) -> list[float]:
-    """Return the speeds w of matrix w = right - coulomb sign(w); `signs` begins and ends as theirs.
-
-    A joint that would reverse within the step is stuck, one that is stuck starts where the others
-    push it beyond its friction. Should that go in circles, the last state stands.
-    """
-    count = len(right)
-    for _ in range(4 * count):
-        moving = [i for i in range(count) if coulomb[i] == 0.0 or signs[i] != 0.0]
-        found = _solve(matrix, [right[i] - coulomb[i] * signs[i] for i in range(count)], moving)
-        again = False
-        for i in range(count):
-            if coulomb[i] == 0.0:
-                continue
-            if signs[i] != 0.0:
-                if found[i] * signs[i] < 0.0:
-                    signs[i] = 0.0
-                    again = True
-            else:
-                pull = right[i]
-                for j in moving:
-                    pull -= matrix[i * count + j] * found[j]
-                if abs(pull) > coulomb[i]:
-                    signs[i] = math.copysign(1.0, pull)
-                    again = True
-        if not again:
-            break
-    return found
-
-
-def _solve(matrix: list[float], right: list[float], moving: list[int]) -> list[float]:
-    """Return the solution of a definite system in the joints that move, 0 for all others."""
-    count = len(right)
-    rows = [[matrix[i * count + j] for j in moving] + [right[i]] for i in moving]
-    size = len(moving)
-    for k in range(size):
-        top = rows[k]
-        for i in range(k + 1, size):
-            row = rows[i]
-            factor = row[k] / top[k]
-            for j in range(k + 1, size + 1):
-                row[j] -= factor * top[j]
-    found = [0.0] * count
-    for k in range(size - 1, -1, -1):
-        row = rows[k]
-        value = row[size]
-        for j in range(k + 1, size):
-            value -= row[j] * found[moving[j]]
-        found[moving[k]] = value / row[k]
-    return found
