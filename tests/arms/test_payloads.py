@@ -81,6 +81,28 @@ def test_what_moves_under_another_payload_leaks_no_more_than_under_one() -> None
     assert abs(books["load.slave.leak"]) < 2e-3 * abs(work)
 
 
+def test_a_wrong_payload_is_taken_back_while_it_moves_the_arm() -> None:
+    """From within its ramp without a jump, once; what both put in is booked where they did."""
+    load = side()
+    pass_slot(load, 0.3)
+    assert load.take_up("back") == "there is no change to undo"
+    assert load.take_up("box") == ""
+    up = [pass_slot(load, 0.3 + 0.01 * k) for k in range(4)]
+    assert load.take_up("back") == ""
+    down = [pass_slot(load, 0.33 - 0.001 * k) for k in range(8)]
+    assert up[-1] > down[0] > down[-1] == pytest.approx(9.81 * math.cos(0.323 - 0.0005), rel=1e-3)
+    assert down[0] == pytest.approx(up[-1] - 0.2 * 9.81, rel=0.02)
+    assert load.take_up("back") == "there is no change to undo"
+    row = [0.0] * len(load.columns)
+    load.fill(row, 0)
+    books = dict(zip(load.columns, row, strict=True))
+    steps = [0.2 * 9.81 * math.sin(0.3 + 0.01 * k) for k in range(4)]
+    steps += [-0.2 * 9.81 * math.sin(0.33 - 0.001 * k) for k in range(4)]
+    assert books["load.slave.changed"] == pytest.approx(sum(steps))
+    pass_slot(load, 0.4)
+    assert load.take_up("box").endswith("is moving; keep it still")
+
+
 def test_it_is_refused_with_why() -> None:
     load = side()
     assert take_payload([load], "box")[0].endswith(

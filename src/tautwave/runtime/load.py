@@ -21,6 +21,10 @@ Weighing = Callable[[Sequence[float]], tuple[list[float], float]]
 """Takes a side's positions; returns the efforts that hold its loads there, and their potential."""
 
 
+BACK = "back"
+"""What `payload` takes beside names: to return to the payload before."""
+
+
 class CarriedAxis(NamedTuple):
     """One axis whose load is carried.
 
@@ -69,6 +73,7 @@ class SideLoad:
         self._loads = self._before = weigh
         self._ramp = ramp
         self._left = 0  # periods, while a payload is taken up
+        self._returns = False
         self._changed = 0.0
         count = len(axes)
         self._known = [False] * count
@@ -137,6 +142,8 @@ class SideLoad:
 
     def take_up(self, payload: str) -> str:
         """Weigh with another payload from now on, over the ramp; return why not, or ''."""
+        if payload == BACK and BACK not in self.others:
+            return self._return()
         if payload not in self.others:
             return f"unknown; choose one of {', '.join(self.others)}"
         if not all(self._known):
@@ -144,9 +151,23 @@ class SideLoad:
         if self._left:
             return "the previous payload is still being applied"
         if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):
-            return f"the {self.name}'s arm is moving; keep it still"
+            back = ", or undo the last change with `payload back`" if self._returns else ""
+            return f"the {self.name}'s arm is moving; keep it still{back}"
         self._before, self._loads = self._loads, self.others[payload]
         self._left = self._ramp
+        self._returns = True
+        return ""
+
+    def _return(self) -> str:
+        """Undo the last change, at any speed and from within its ramp: a wrong one moves the arm.
+
+        What it puts into the potential is booked as with any change, wherever the arm is.
+        """
+        if not self._returns:
+            return "there is no change to undo"
+        self._before, self._loads = self._loads, self._before
+        self._left = self._ramp - self._left
+        self._returns = False
         return ""
 
     def _weigh(self, x: Sequence[float]) -> tuple[list[float], float]:
