@@ -257,12 +257,15 @@ WRONG = (
     ("buses.hand.options.home=[0.0]", "home needs a position for each joint"),
     ("buses.hand.options.home=[0.0, 3.0]", "joint elbow: home is not in its position_range"),
     ("buses.hand.options.chain.dh=[{a: 0.1}]", "the chain has 1 joints"),
-    (f"{OWN}.dh=[{{a: 0.1}}, {{inertia: [1, 1, -1, 0, 0, 0]}}]", "chain.dh.1.inertia: no body"),
+    (
+        f"{OWN}.dh=[{{a: 0.1}}, {{inertia: [1, 1, -1, 0, 0, 0]}}]",
+        "chain.dh.1.inertia: not physically possible",
+    ),
     (f"{TRUE}={{dh: [{{a: 0.1}}]}}", "the truth.chain has 1 joints, `joints` names 2"),
     (f"{TRUE}={{urdf: nowhere.urdf}}", "nowhere.urdf: no such file"),
     (
         f"{TRUE}={{dh: [{{}}, {{inertia: [1, 1, -1, 0, 0, 0]}}]}}",
-        "truth.chain.dh.1.inertia: no body has this inertia",
+        "truth.chain.dh.1.inertia: not physically possible",
     ),
     (
         f"{TRUE}={{dh: [{{}}, {{kind: prismatic}}]}}",

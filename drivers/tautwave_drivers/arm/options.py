@@ -145,7 +145,7 @@ class ArmOptions(Block):
             if not is_inertia(*row.inertia):
                 raise PydanticCustomError(
                     "chain",
-                    "{place}.dh.{number}.inertia: no body has this inertia",
+                    "{place}.dh.{number}.inertia: not physically possible for a rigid body",
                     {"place": place, "number": number},
                 )
         try:

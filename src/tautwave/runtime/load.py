@@ -151,7 +151,7 @@ class SideLoad:
         if self._left:
             return "the previous payload is still being applied"
         if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):
-            back = ", or undo the last change with `payload back`" if self._returns else ""
+            back = ", or give `back` to undo the last change" if self._returns else ""
             return f"the {self.name}'s arm is moving; keep it still{back}"
         self._before, self._loads = self._loads, self.others[payload]
         self._left = self._ramp

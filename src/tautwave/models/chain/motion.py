@@ -36,6 +36,8 @@ DIVERGED = 100.0
 """The same per the least change so far, where nothing more comes of it."""
 
 HALVINGS = 6
+"""So that a step takes 127 tries at most, of `ITERATIONS` each."""
+
 CLOSED = 1e-9
 """Energy [J] that a step may be wrong by, per kinetic energy before and after it and `SMALL`."""
 SMALL = 1e-3
@@ -122,7 +124,7 @@ def chain_step(
     A step whose balance does not close, or closes by a correction that bends the motion, is made
     in two halves, and these in halves, `halvings` times at most: joints that turn by a tenth of a
     radian and more in a step need it. Should that not do, the best iterate stands, with a loss in
-    place of a gain, and the balance of `Moved` tells how wrong it is.
+    place of a gain; by how much shows where kinetic and potential energy differ from `given`.
 
     Parameters
     ----------
@@ -142,6 +144,11 @@ def chain_step(
         The hands' reference positions at the start, and their speeds over the step.
     halvings : int
         How often the step may be halved.
+
+    Returns
+    -------
+    Moved
+        Of a step in halves the energies are those of both.
     """
     moved, share = _tried(c, plants, here, x, v, guess, efforts, references, rates, h)
     if _closed(here, v, moved, share):
