@@ -20,10 +20,11 @@ from tautwave.rig.arms import (
     greatest_load,
     load_reserves,
     load_stiffnesses,
-    side_loads,
     without_carrying,
 )
-from tautwave.runtime.load import CarriedAxis, CarryingDriver, SideLoad
+from tautwave.rig.carrying import side_loads
+from tautwave.runtime.carrying.driver import CarryingDriver
+from tautwave.runtime.carrying.side import CarriedAxis, SideLoad
 from tautwave.simulation.kernel.pack import pack_rig
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, JointState
 

@@ -16,7 +16,7 @@ from tautwave.errors import ConfigError
 from tautwave.rig import build_rig
 from tautwave.rig.arms import greatest_loads, load_reserves, load_stiffnesses
 from tautwave.rig.rates import load_offset
-from tautwave.runtime.load import CarriedAxis, SideLoad, take_payload
+from tautwave.runtime.carrying.side import CarriedAxis, SideLoad, take_payload
 from tautwave.runtime.operate.commands import PAYLOAD, Order, Script
 from tautwave.session.operating import with_operation
 from tautwave.simulation.scene.live import run_in_memory
@@ -34,9 +34,10 @@ def lever(mass: float) -> Any:
     return weigh
 
 
-def side(ramp: int = 10) -> SideLoad:
+def side(ramp: int = 10, back: int = 10) -> SideLoad:
     axis = CarriedAxis("slave.lever", 100.0, math.inf, 0.0, 0, 0.0, still=1e-4)
-    return SideLoad("slave", [axis], lever(1.0), {"box": lever(3.0), "none": lever(0.0)}, ramp)
+    others = {"box": lever(3.0), "none": lever(0.0)}
+    return SideLoad("slave", [axis], lever(1.0), others, ramp, back)
 
 
 def pass_slot(load: SideLoad, x: float) -> float:
@@ -101,6 +102,21 @@ def test_a_wrong_payload_is_taken_back_while_it_moves_the_arm() -> None:
     assert books["load.slave.changed"] == pytest.approx(sum(steps))
     pass_slot(load, 0.4)
     assert load.take_up("box").endswith("is moving; keep it still")
+
+
+@pytest.mark.parametrize("periods", [1, 4, 9, 10, 14])
+def test_a_change_is_undone_in_its_own_time_from_wherever_its_ramp_is(periods: int) -> None:
+    load = side(ramp=10, back=4)
+    assert pass_slot(load, 0.0) == pytest.approx(9.81)
+    assert load.take_up("box") == ""
+    up = [pass_slot(load, 0.0) for _ in range(periods)][-1]
+    assert load.take_up("back") == ""
+    down = [up, *(pass_slot(load, 0.0) for _ in range(6))]
+    assert min(np.diff(down)) >= -2 * 9.81 / 4 - 1e-9
+    assert max(np.diff(down)) <= 2 * 9.81 / 4 + 1e-9  # the first step may go on by a rounding
+    assert down[4] == pytest.approx(9.81)
+    assert load.take_up("box") == ""
+    assert pass_slot(load, 0.0) == pytest.approx(9.81 * (1 + 2 / 10))  # as slowly as ever
 
 
 def test_it_is_refused_with_why() -> None:

@@ -20,8 +20,8 @@ from tautwave.rig.arms import (
     greatest_loads,
     load_reserves,
     load_stiffnesses,
-    payload_swing,
 )
+from tautwave.rig.carrying import felt_swing, payload_swing
 from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
 
@@ -71,6 +71,12 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken
         f"The load of {axis_name}{what} is compensated at the middle of each period; its slope is "
         f"at most {slope:.3g} {stiff}, which uses {needed:.3g} {unit} of the device's damping."
     )
+    if axis_name == next(iter(felt_axes(rig)), None) and (swing := felt_swing(rig)) > 0.0:
+        numbers["engage_j"] = swing
+        said += (
+            f" Each engagement, and each end of one, may supply up to {swing:.3g} J to the hand "
+            "while that weight is ramped in or out."
+        )
     if axis_name == arm_axes(rig, axis_name.partition(".")[0])[0]:
         swing = payload_swing(rig, axis_name.partition(".")[0])
         if swing > 0.0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from tautwave.config import Rig, TrueLoad
@@ -15,10 +15,7 @@ from tautwave.errors import ConfigError
 from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.params import ChainParams
-from tautwave.models.load import LoadParams, load_effort, load_energy, load_stiffness
-from tautwave.rig.scales import pair_scale, slave_offset
-from tautwave.runtime.load import CarriedAxis, SideLoad, Weighing
-from tautwave.types import CommandDelay
+from tautwave.models.load import LoadParams, load_effort, load_stiffness
 
 GREATEST_SHARE = 0.8
 """Of an axis' effort limit that its load may take."""
@@ -28,11 +25,6 @@ MARGIN = 1.1
 
 LOAD_SHARE = 0.5
 """Of an axis' effort rate that its load may take; the rest is the coupling's."""
-
-STILL_SHARE = 0.02
-"""Of its velocity limit below which an axis stands, so that another payload may be taken up."""
-
-TAKEN_UP_S = 0.5
 
 SAMPLES = 2000
 CORNERS = 512
@@ -98,7 +90,7 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
     found = {}
     if keys is not None:
         ranges = tuple(joint_ranges(rig, side, keys))
-        each = [greatest_weights(one, ranges) for one in _each_payload(keys)]
+        each = [greatest_weights(one, ranges) for one in each_payload(keys)]
         most = [max(values) for values in zip(*each, strict=True)]
         found = dict(zip(arm_axes(rig, side), most, strict=True))
     else:
@@ -116,7 +108,7 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
 def felt_axes(rig: Rig) -> dict[str, str]:
     """Return the master's axes on which the hand feels a load of the slave, with the slave's."""
     arm = rig.slave.arm
-    names = _own_carried(rig, "slave")
+    names = own_carried(rig, "slave")
     if arm is None:
         loads = {name: rig.axes[name].load for name in names}
         names = [name for name, load in loads.items() if load is not None and load.reflect_load]
@@ -134,29 +126,9 @@ def with_payloads(arm: Arm) -> dict[str, Chain]:
     return {name: bare_chain(arm, payload) for name, payload in arm.payloads.items()}
 
 
-def _each_payload(arm: Arm) -> list[Chain]:
+def each_payload(arm: Arm) -> list[Chain]:
+    """Return an arm's chain with its payload, then with each that it may take up."""
     return [bare_chain(arm, arm.payload), *with_payloads(arm).values()]
-
-
-def payload_swing(rig: Rig, side: str) -> float:
-    """Return the most that taking up one payload may give out [J], sampled; 0 without any.
-
-    That is how far, over the range, the potentials with two payloads are apart.
-    """
-    arm = getattr(rig, side).arm
-    if arm is None or not arm.payloads:
-        return 0.0
-    chains = [arm_chain(one) for one in _each_payload(arm)]
-    held = [0.0] * len(arm_axes(rig, side))
-    heights = [
-        [chain_gravity(chain, chain_frames(chain, q), held) for chain in chains]
-        for q in postures(joint_ranges(rig, side, arm))
-    ]
-    most = 0.0
-    for one, other in itertools.combinations(range(len(chains)), 2):
-        apart = [row[one] - row[other] for row in heights]
-        most = max(most, max(apart) - min(apart))
-    return MARGIN * most
 
 
 @lru_cache(maxsize=16)
@@ -179,12 +151,13 @@ def load_params(keys: TrueLoad) -> LoadParams:
 
 def carried_axes(rig: Rig, side: str) -> list[str]:
     """Return the axes of a side whose loads are carried, or felt, from base to tip."""
-    own = _own_carried(rig, side)
+    own = own_carried(rig, side)
     felt = felt_axes(rig) if side == "master" else {}
     return [name for name in arm_axes(rig, side) if name in own or name in felt]
 
 
-def _own_carried(rig: Rig, side: str) -> list[str]:
+def own_carried(rig: Rig, side: str) -> list[str]:
+    """Return the axes of a side whose own loads are carried, from base to tip."""
     arm = getattr(rig, side).arm
     names = arm_axes(rig, side)
     if arm is not None:
@@ -238,7 +211,7 @@ def load_reserves(rig: Rig) -> dict[str, float]:
 
 def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
     """Return how fast each carried load changes at most [N m/rad]: bounds, in any posture."""
-    names = _own_carried(rig, side)
+    names = own_carried(rig, side)
     arm = getattr(rig, side).arm
     found = {}
     if names and arm is None:
@@ -247,7 +220,7 @@ def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
     elif names:
         bounds = [0.0] * len(names)
         slides = [max(abs(low), abs(high)) for low, high in joint_ranges(rig, side, arm)]
-        for one in _each_payload(arm):
+        for one in each_payload(arm):
             slopes = [0.0] * len(names)
             gravity_stiffness(arm_chain(one), slides, slopes)
             bounds = [max(a, b) for a, b in zip(bounds, slopes, strict=True)]
@@ -260,103 +233,6 @@ def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
             slope = theirs[slave] * widest / _force_scale(rig, name)
             found[name] = found.get(name, 0.0) + slope
     return found
-
-
-def side_loads(
-    rig: Rig, delays: Mapping[str, CommandDelay]
-) -> tuple[list[SideLoad], dict[str, tuple[SideLoad, int]]]:
-    """Return what carries the loads of each side, and the seat of each axis in it."""
-    sides: list[SideLoad] = []
-    seats: dict[str, tuple[SideLoad, int]] = {}
-    reserves = load_reserves(rig)
-    for side in ("master", "slave"):
-        names = carried_axes(rig, side)
-        if not names or names[0] not in delays:  # of two sites each carries its own
-            continue
-        axes = []
-        for name in names:
-            keys, delay = rig.axes[name], delays[name]
-            step = math.inf
-            if keys.effort_rate_limit is not None:
-                step = LOAD_SHARE * keys.effort_rate_limit * rig.period_s
-            late = delay.remainder_s / rig.period_s
-            still = STILL_SHARE * (keys.velocity_limit or math.inf) * rig.period_s
-            axes.append(
-                CarriedAxis(
-                    name, reserves[name], step, keys.effort_quantum, delay.periods, late, still
-                )
-            )
-        arm = getattr(rig, side).arm
-        others = {} if arm is None else with_payloads(arm)
-        sides.append(
-            SideLoad(
-                side, axes, _weighing(rig, side),
-                {payload: _chain_weighing(one) for payload, one in others.items()},
-                max(1, round(TAKEN_UP_S * rig.rate_hz)),
-            )
-        )  # fmt: skip
-        seats.update({name: (sides[-1], which) for which, name in enumerate(names)})
-    return sides, seats
-
-
-def _weighing(rig: Rig, side: str) -> Weighing:
-    """Return what weighs the carried axes of a side, what the hand feels included."""
-    names = carried_axes(rig, side)
-    own = _own_weighing(rig, side)
-    ours = [names.index(name) for name in _own_carried(rig, side)]
-    felt = felt_axes(rig) if side == "master" else {}
-    if not felt:
-        return own
-    theirs = _own_weighing(rig, "slave")
-    places = []  # in the order in which the slave's are weighed
-    for slave in _own_carried(rig, "slave"):
-        master = slave.replace("slave", "master", 1)
-        pair = rig.coupling.pairs[slave.partition(".")[2]]
-        scale = pair_scale(pair)
-        offset, _ = slave_offset(pair)
-        reflects = master in felt
-        at = names.index(master) if reflects else -1
-        places.append((at, scale.sign * scale.scale, offset or 0.0, scale.power))
-    power = next(power for at, _, _, power in places if at >= 0)
-
-    def weigh(x: Sequence[float]) -> tuple[list[float], float]:
-        held, potential = [0.0] * len(names), 0.0
-        if ours:
-            efforts, potential = own([x[at] for at in ours])
-            for at, effort in zip(ours, efforts, strict=True):
-                held[at] = effort
-        there = [ratio * x[at] + offset if at >= 0 else 0.0 for at, ratio, offset, _ in places]
-        efforts, height = theirs(there)
-        for (at, ratio, _, _), effort in zip(places, efforts, strict=True):
-            if at >= 0:
-                held[at] -= ratio / power * effort
-        return held, potential - height / power
-
-    return weigh
-
-
-def _own_weighing(rig: Rig, side: str) -> Weighing:
-    """Return what weighs a side's own loads."""
-    names = _own_carried(rig, side)
-    arm = getattr(rig, side).arm
-    if arm is None:
-        keys = [rig.axes[name].load for name in names]
-        loads = [load_params(load) for load in keys if load is not None]
-        return lambda x: (
-            [-load_effort(p, at) for p, at in zip(loads, x, strict=True)],
-            sum(load_energy(p, at) for p, at in zip(loads, x, strict=True)),
-        )
-    return _chain_weighing(arm)
-
-
-def _chain_weighing(keys: Chain) -> Weighing:
-    chain = arm_chain(keys)
-
-    def weigh(x: Sequence[float]) -> tuple[list[float], float]:
-        held = [0.0] * len(x)
-        return held, chain_gravity(chain, chain_frames(chain, x), held)
-
-    return weigh
 
 
 def greatest_load(p: LoadParams, ends: tuple[float, float] | None) -> float:

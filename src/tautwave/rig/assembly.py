@@ -11,14 +11,15 @@ from tautwave.config import Rig, bus_spec, has_loads
 from tautwave.contracts import BusSpec, Clock, RowSource, Simulator
 from tautwave.errors import ConfigError
 from tautwave.registry import load_driver, load_simulator
-from tautwave.rig.arms import side_loads
 from tautwave.rig.calibrated import calibrated
+from tautwave.rig.carrying import side_loads
 from tautwave.rig.controller import follower_params, make_control
 from tautwave.rig.truth import SEED_WORD, axis_model
 from tautwave.rig.ways import BusWay, Way, bus_ways
+from tautwave.runtime.carrying.driver import CarryingDriver
+from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import Control
 from tautwave.runtime.following import FollowingDriver
-from tautwave.runtime.load import CarryingDriver, SideLoad
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.sensing import LoopBus
 from tautwave.streams import OVERRUN, uniform_stream

@@ -13,8 +13,8 @@ from tautwave.errors import ConfigError
 from tautwave.rig import Assembly, BusWay
 from tautwave.rig.operation import LOOK_HZ, operation_of, scaled
 from tautwave.rig.ways import Way
+from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
-from tautwave.runtime.load import SideLoad
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.operate.commands import DeadMan, Source, Watcher
 from tautwave.runtime.operate.inbox import Inbox, People

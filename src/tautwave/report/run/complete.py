@@ -68,7 +68,7 @@ def load_energy(run: Run, side: str) -> dict[str, float]:
 
     `potential` is what the loads hold more than at the start, `leak` what was taken out of the
     devices beyond that (below 0: given to them), `given` the most that was given at any time;
-    `changed` what payloads that were taken up put in, where there are some.
+    `changed` what payloads taken up, or a felt load ramped in or out, put in, where there are some.
     """
     found = {}
     for what in ("potential", "leak", "given", "changed"):

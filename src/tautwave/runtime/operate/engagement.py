@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from tautwave.controller.pair import engage_pair, start_pair
 from tautwave.controller.records import PIPE, TAG, PairState
 from tautwave.controller.run import ramp_share
+from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
 
 
-def begin_session(control: CoupledControl, slot: int, *, keep_offset: bool) -> None:
+def begin_session(
+    control: CoupledControl, slot: int, loads: Sequence[SideLoad], *, keep_offset: bool
+) -> None:
     """Begin with new states and an empty line; with `keep_offset` at the offset there is now."""
     table, params, law = control.table, control.params, control.law
     for k, q in enumerate(control.pairs):
@@ -26,10 +31,15 @@ def begin_session(control: CoupledControl, slot: int, *, keep_offset: bool) -> N
         one, two = control.axes[q.master], control.axes[q.slave]
         p1, p2 = params[q.master], params[q.slave]
         engage_pair(control.states[k], q, one, two, p1, p2, table, rise, law.steps)
+    offsets = {n: c.offset for n, c in zip(control.pair_names, control.states, strict=True)}
+    for load in loads:
+        load.engage(offsets)
 
 
-def end_session(control: CoupledControl) -> None:
+def end_session(control: CoupledControl, loads: Sequence[SideLoad] = ()) -> None:
     """Forget everything that the coupling stored; offsets stay."""
+    for load in loads:
+        load.disengage()
     law = control.law
     for k, state in enumerate(control.states):
         control.states[k] = PairState(state.offset, law.link())

@@ -16,8 +16,8 @@ from tautwave.controller.records import (
 from tautwave.controller.run import forget_stop, run_cycle
 from tautwave.controller.stops import stop_error
 from tautwave.laws.limit import guard_axis
+from tautwave.runtime.carrying.side import SideLoad, take_payload
 from tautwave.runtime.control import CoupledControl
-from tautwave.runtime.load import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.aligning import Alignment
 from tautwave.runtime.operate.books import Books
@@ -277,7 +277,7 @@ class OperatedControl(CoupledControl):
     def _engage(self, slot: int) -> None:
         """Begin a new session of the coupling where the axes stand; nothing stored crosses."""
         self._bank()
-        begin_session(self, slot, keep_offset=self.alignment.keep_offset)
+        begin_session(self, slot, self.loads, keep_offset=self.alignment.keep_offset)
         if self.wire is not None:
             self.wire.begin()
         self._coupled = True
@@ -288,7 +288,7 @@ class OperatedControl(CoupledControl):
         """End the session of the coupling: what it stored is booked as dissipated."""
         self._bank()
         self._coupled = False
-        end_session(self)
+        end_session(self, self.loads)
         self._clear_energies()
 
     # -- faults -------------------------------------------------------------------------------

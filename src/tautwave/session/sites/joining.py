@@ -17,8 +17,8 @@ from tautwave.config.halves import OF_ONE_END
 from tautwave.errors import LinkError
 from tautwave.rig import Assembly, coupling_part
 from tautwave.rig.operation import quantum_of, site_pulls
+from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
-from tautwave.runtime.load import SideLoad
 from tautwave.runtime.loop import LoopResult
 from tautwave.runtime.operate.inbox import People
 from tautwave.session.sites.agreed import SiteLimits

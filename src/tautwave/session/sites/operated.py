@@ -16,7 +16,7 @@ from tautwave.contracts import Row
 from tautwave.controller.records import FINISHED, GUARD, LINK, OVERRUN
 from tautwave.controller.run import forget_stop
 from tautwave.controller.stops import stop_error
-from tautwave.runtime.load import SideLoad, take_payload
+from tautwave.runtime.carrying.side import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order, unknown
 from tautwave.runtime.operate.engagement import drop_commands, end_session
@@ -228,7 +228,7 @@ class OperatedSite(SiteControl):
     def _let_go(self, why: str) -> None:
         """End the engagement, and its session with it; what it stored is booked as dissipated."""
         self._bank()
-        end_session(self)
+        end_session(self, self.loads)
         self._find_ends()
         self._engaged, self._held_from = False, -1
         self._resting, self._renewing = True, not self._left
@@ -260,6 +260,8 @@ class OperatedSite(SiteControl):
         super()._begin(slot)
         if self._engaged:
             self.journal.engagements += 1
+            for load in self.loads:
+                load.engage(self._meeting.met())
             self._note(st.ALIGNED, "controller")
 
     def _count_down(self, slot: int) -> None:

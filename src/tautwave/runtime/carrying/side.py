@@ -1,7 +1,6 @@
 """What carries the loads of a side: efforts beside the controller's, and their books.
 
-A driver is wrapped, so that the controller sees devices that weigh nothing: what it commands is
-added to the effort that holds the load half-way through the period in which it will act. Every
+The effort of an axis holds its load half-way through the period in which it will act. Every
 period's energy is taken from the displacement measured and the effort that acted; beside it stands
 the change of the load's potential, and `leak` is what is between them.
 """
@@ -10,16 +9,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-from tautwave.contracts import Driver, Row
+from tautwave.contracts import Row
 from tautwave.laws.limit import clamp, truncate
-from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
-
-Weighing = Callable[[Sequence[float]], tuple[list[float], float]]
-"""Takes a side's positions; returns the efforts that hold its loads there, and their potential."""
-
+from tautwave.runtime.carrying.felt import FeltLoad, Weighing
 
 BACK = "back"
 """What `payload` takes beside names: to return to the payload before."""
@@ -57,6 +52,10 @@ class SideLoad:
         What they weigh with other payloads.
     ramp : int
         Periods in which another payload is taken up.
+    back : int
+        Periods in which a change is undone.
+    felt : FeltLoad, optional
+        What the hand feels of the other side's, weighed at the same positions.
     """
 
     def __init__(
@@ -66,13 +65,17 @@ class SideLoad:
         weigh: Weighing,
         others: Mapping[str, Weighing] | None = None,
         ramp: int = 1,
+        back: int = 1,
+        felt: FeltLoad | None = None,
     ) -> None:
         self.name = name
         self.axes = axes
         self.others = others or {}
         self._loads = self._before = weigh
+        self._felt = felt
+        self._take, self._undo = ramp, back
         self._ramp = ramp
-        self._left = 0  # periods, while a payload is taken up
+        self._left = 0  # of the ramp's periods, while a payload is taken up or undone
         self._returns = False
         self._changed = 0.0
         count = len(axes)
@@ -93,7 +96,8 @@ class SideLoad:
             f"load.{axis.name}.{what}" for axis in axes for what in ("effort", "energy")
         ]
         self.columns += [f"load.{name}.{what}" for what in ("potential", "leak", "given")]
-        if self.others:
+        self._changes = bool(self.others) or (felt is not None and felt.lets_go)
+        if self._changes:
             self.columns.append(f"load.{name}.changed")
 
     def drop(self, which: int) -> None:
@@ -154,7 +158,7 @@ class SideLoad:
             back = ", or give `back` to undo the last change" if self._returns else ""
             return f"the {self.name}'s arm is moving; keep it still{back}"
         self._before, self._loads = self._loads, self.others[payload]
-        self._left = self._ramp
+        self._left = self._ramp = self._take
         self._returns = True
         return ""
 
@@ -166,19 +170,32 @@ class SideLoad:
         if not self._returns:
             return "there is no change to undo"
         self._before, self._loads = self._loads, self._before
-        self._left = self._ramp - self._left
+        self._left = math.ceil((1.0 - self._left / self._ramp) * self._undo)
+        self._ramp = self._undo
         self._returns = False
         return ""
+
+    def engage(self, offsets: Mapping[str, float]) -> None:
+        """Let the hand feel the other side's loads at these offsets, by pair [slave's rad or m]."""
+        if self._felt is not None:
+            self._felt.engage(offsets)
+
+    def disengage(self) -> None:
+        """Let the hand feel no more of the other side's loads."""
+        if self._felt is not None:
+            self._felt.disengage()
 
     def _weigh(self, x: Sequence[float]) -> tuple[list[float], float]:
         """Return what holds the loads at `x`, and their potential; linear in what they weigh."""
         efforts, height = self._loads(x)
-        if not self._left:
-            return efforts, height
-        share = self._left / self._ramp
-        before, lower = self._before(x)
-        mixed = [b + share * (a - b) for a, b in zip(before, efforts, strict=True)]
-        return mixed, height + share * (lower - height)
+        if self._left:
+            share = self._left / self._ramp
+            before, lower = self._before(x)
+            efforts = [b + share * (a - b) for a, b in zip(before, efforts, strict=True)]
+            height += share * (lower - height)
+        if self._felt is not None:
+            height += self._felt.add(x, efforts)
+        return efforts, height
 
     def rest(self, which: int) -> None:
         """Nothing is sent to an axis: it gets its safe command."""
@@ -186,9 +203,12 @@ class SideLoad:
 
     def _update(self) -> None:
         axes = self.axes
-        if self._left:
+        felt = self._felt if self._felt is not None and self._felt.changing else None
+        if self._left or felt is not None:
             _, before = self._weigh(self._x)
-            self._left -= 1
+            self._left = max(self._left - 1, 0)
+            if felt is not None:
+                felt.advance()
             self._changed += self._weigh(self._x)[1] - before
         wanted, _ = self._weigh(
             [
@@ -221,7 +241,7 @@ class SideLoad:
         row[at] = self._potential
         row[at + 1] = self.leak
         row[at + 2] = -self._least
-        if self.others:
+        if self._changes:
             row[at + 3] = self._changed
 
 
@@ -241,73 +261,3 @@ def take_payload(loads: Sequence[SideLoad], argument: str) -> tuple[str, bool]:
         return f"payload: state the side, master or slave (got {first[:40]!r})", True
     why = sides[0].take_up(argument)
     return (f"payload {argument[:40]!r}: {why}", True) if why else (argument, False)
-
-
-class CarryingDriver:
-    """A driver whose axes carry their loads; in all else the driver itself.
-
-    Parameters
-    ----------
-    driver : Driver
-        The driver.
-    seats : sequence
-        Per axis of the driver its side's loads and its number there, None without a load.
-    period_ns : int
-        Of the bus.
-    """
-
-    def __init__(
-        self, driver: Driver, seats: Sequence[tuple[SideLoad, int] | None], period_ns: int
-    ) -> None:
-        self._driver = driver
-        self._seats = seats
-        self._period_ns = period_ns
-        self._deadline_ns: int | None = None
-        self.command_delay: CommandDelay = driver.command_delay
-        self.enable_step = driver.enable_step
-        self.request = driver.request
-        self.disable = driver.disable
-        self.close = driver.close
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what else a driver may have: `poll`, `notes`."""
-        return getattr(self._driver, name)
-
-    def open(self) -> None:
-        """Open the driver, at the start or for a reset; no earlier effort acts any more."""
-        for seat in self._seats:
-            if seat is not None:
-                seat[0].drop(seat[1])
-        self._driver.open()
-
-    def faults(self) -> Sequence[Fault]:
-        """Return the faults reported since the last call."""
-        return self._driver.faults()
-
-    def read(self, deadline_ns: int) -> Sequence[JointState]:
-        """Return the driver's samples, and close the loads' books with them."""
-        states = self._driver.read(deadline_ns)
-        slots = 0
-        if self._deadline_ns is not None:
-            slots = max(round((deadline_ns - self._deadline_ns) / self._period_ns), 0)
-        self._deadline_ns = deadline_ns
-        for state, seat in zip(states, self._seats, strict=False):
-            if seat is not None:
-                side, which = seat
-                side.pass_slots(which, slots)
-                if state.valid and math.isfinite(state.position):
-                    side.take(which, state.position)
-        return states
-
-    def write(self, commands: Sequence[AxisCommand]) -> None:
-        """Add the loads to the commands; a safe command stays what it is."""
-        sent = []
-        for command, seat in zip(commands, self._seats, strict=True):
-            if seat is None:
-                sent.append(command)
-            elif command is SAFE_COMMAND:
-                seat[0].rest(seat[1])
-                sent.append(command)
-            else:
-                sent.append(AxisCommand(command.effort + seat[0].effort(seat[1]), command.velocity))
-        self._driver.write(sent)

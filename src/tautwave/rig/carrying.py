@@ -1,0 +1,195 @@
+"""What carries the loads of a rig's sides, and what a change of it may give out; SI units."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+
+from tautwave.config import Rig
+from tautwave.config.keys.arm import Chain
+from tautwave.models.chain.gravity import chain_gravity
+from tautwave.models.chain.kinematics import chain_frames
+from tautwave.models.load import load_effort, load_energy
+from tautwave.rig.arms import (
+    LOAD_SHARE,
+    MARGIN,
+    SAMPLES,
+    arm_axes,
+    arm_chain,
+    carried_axes,
+    each_payload,
+    felt_axes,
+    joint_ranges,
+    load_params,
+    load_reserves,
+    own_carried,
+    postures,
+    with_payloads,
+)
+from tautwave.rig.scales import pair_scale, slave_offset
+from tautwave.runtime.carrying.felt import FeltLoad, FeltPlace, Weighing
+from tautwave.runtime.carrying.side import CarriedAxis, SideLoad
+from tautwave.types import CommandDelay
+
+STILL_SHARE = 0.02
+"""Of its velocity limit below which an axis stands, so that another payload may be taken up."""
+
+TAKEN_UP_S = 0.5
+"""How long another payload takes, and what the hand feels to rise or fall."""
+
+UNDONE_S = 0.05
+"""How long it takes to undo one: a wrong payload drives the arm until then."""
+
+
+def side_loads(
+    rig: Rig, delays: Mapping[str, CommandDelay]
+) -> tuple[list[SideLoad], dict[str, tuple[SideLoad, int]]]:
+    """Return what carries the loads of each side, and the seat of each axis in it."""
+    sides: list[SideLoad] = []
+    seats: dict[str, tuple[SideLoad, int]] = {}
+    reserves = load_reserves(rig)
+    for side in ("master", "slave"):
+        names = carried_axes(rig, side)
+        if not names or names[0] not in delays:  # of two sites each carries its own
+            continue
+        axes = []
+        for name in names:
+            keys, delay = rig.axes[name], delays[name]
+            step = math.inf
+            if keys.effort_rate_limit is not None:
+                step = LOAD_SHARE * keys.effort_rate_limit * rig.period_s
+            late = delay.remainder_s / rig.period_s
+            still = STILL_SHARE * (keys.velocity_limit or math.inf) * rig.period_s
+            axes.append(
+                CarriedAxis(
+                    name, reserves[name], step, keys.effort_quantum, delay.periods, late, still
+                )
+            )
+        arm = getattr(rig, side).arm
+        others = {} if arm is None else with_payloads(arm)
+        sides.append(
+            SideLoad(
+                side, axes, _weighing(rig, side),
+                {payload: _chain_weighing(one) for payload, one in others.items()},
+                max(1, round(TAKEN_UP_S * rig.rate_hz)),
+                max(1, round(UNDONE_S * rig.rate_hz)),
+                _felt_load(rig) if side == "master" else None,
+            )
+        )  # fmt: skip
+        seats.update({name: (sides[-1], which) for which, name in enumerate(names)})
+    return sides, seats
+
+
+def _weighing(rig: Rig, side: str) -> Weighing:
+    """Return what weighs a side's own loads, among all axes that carry something."""
+    names = carried_axes(rig, side)
+    ours = own_carried(rig, side)
+    own = _own_weighing(rig, side)
+    if names == ours:
+        return own
+    seats = [names.index(name) for name in ours]
+
+    def weigh(x: Sequence[float]) -> tuple[list[float], float]:
+        held = [0.0] * len(names)
+        efforts, potential = own([x[at] for at in seats])
+        for at, effort in zip(seats, efforts, strict=True):
+            held[at] = effort
+        return held, potential
+
+    return weigh
+
+
+def _felt_load(rig: Rig) -> FeltLoad | None:
+    """Return what the hand feels of the slave's loads, None if nothing."""
+    felt = felt_axes(rig)
+    if not felt:
+        return None
+    names, powers, places = carried_axes(rig, "master"), [], []
+    for slave in own_carried(rig, "slave"):  # in the order in which they are weighed
+        master = slave.replace("slave", "master", 1)
+        name = slave.partition(".")[2]
+        pair = rig.coupling.pairs[name]
+        scale, (offset, _) = pair_scale(pair), slave_offset(pair)
+        at = -1
+        if master in felt:
+            at = names.index(master)
+            powers.append(scale.power)
+        places.append(FeltPlace(name, at, scale.sign * scale.scale, offset or 0.0))
+    ramp = max(1, round(TAKEN_UP_S * rig.rate_hz))
+    weigh = _own_weighing(rig, "slave")
+    return FeltLoad(weigh, places, powers[0], ramp, coupled=rig.operate is None)
+
+
+def _own_weighing(rig: Rig, side: str) -> Weighing:
+    """Return what weighs a side's own loads."""
+    names = own_carried(rig, side)
+    arm = getattr(rig, side).arm
+    if arm is None:
+        keys = [rig.axes[name].load for name in names]
+        loads = [load_params(load) for load in keys if load is not None]
+        return lambda x: (
+            [-load_effort(p, at) for p, at in zip(loads, x, strict=True)],
+            sum(load_energy(p, at) for p, at in zip(loads, x, strict=True)),
+        )
+    return _chain_weighing(arm)
+
+
+def _chain_weighing(keys: Chain) -> Weighing:
+    chain = arm_chain(keys)
+
+    def weigh(x: Sequence[float]) -> tuple[list[float], float]:
+        held = [0.0] * len(x)
+        return held, chain_gravity(chain, chain_frames(chain, x), held)
+
+    return weigh
+
+
+def payload_swing(rig: Rig, side: str) -> float:
+    """Return the most that taking up one payload may give out [J], sampled; 0 without any.
+
+    That is how far, over the range, the potentials with two payloads are apart.
+    """
+    arm = getattr(rig, side).arm
+    if arm is None or not arm.payloads:
+        return 0.0
+    chains = [arm_chain(one) for one in each_payload(arm)]
+    held = [0.0] * len(arm_axes(rig, side))
+    heights = [
+        [chain_gravity(chain, chain_frames(chain, q), held) for chain in chains]
+        for q in postures(joint_ranges(rig, side, arm))
+    ]
+    most = 0.0
+    for one, other in itertools.combinations(range(len(chains)), 2):
+        apart = [row[one] - row[other] for row in heights]
+        most = max(most, max(apart) - min(apart))
+    return MARGIN * most
+
+
+def felt_swing(rig: Rig) -> float:
+    """Return the most that one beginning or end of a coupling may give out at the master [J].
+
+    That is how far the slave's potential, as the hand feels it, is apart over the slave's range,
+    sampled; 0 where it is felt all along, or not at all.
+    """
+    felt = _felt_load(rig)
+    if felt is None or not felt.lets_go:
+        return 0.0
+    return MARGIN * _swing(rig, "slave") / felt.power
+
+
+def _swing(rig: Rig, side: str) -> float:
+    """Return how far the potential of a side's carried loads is apart over its range [J]."""
+    names, weigh = own_carried(rig, side), _own_weighing(rig, side)
+    arm = getattr(rig, side).arm
+    if arm is not None:
+        heights = [weigh(q)[1] for q in postures(joint_ranges(rig, side, arm))]
+        return max(heights) - min(heights)
+    found = 0.0
+    for name in names:
+        load = rig.axes[name].load
+        low, high = rig.axes[name].position_range or (-math.pi, math.pi)
+        places = [low + (high - low) * k / SAMPLES for k in range(SAMPLES + 1)]
+        heights = [load_energy(load_params(load), x) for x in places] if load else [0.0]
+        found += max(heights) - min(heights)
+    return found

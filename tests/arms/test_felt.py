@@ -1,0 +1,225 @@
+"""What the hand feels of the slave's loads: at the slave's place, only while coupled, in books."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.loads import load_element
+from tautwave.config import load_rig
+from tautwave.models.load import LoadParams, load_effort
+from tautwave.rig import build_rig
+from tautwave.rig.carrying import felt_swing, side_loads
+from tautwave.runtime.carrying.felt import FeltLoad, FeltPlace
+from tautwave.runtime.carrying.side import CarriedAxis, SideLoad
+from tautwave.runtime.operate.commands import Order, Script
+from tautwave.session.operating import with_operation
+from tautwave.simulation.scene.live import run_in_memory
+
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
+ARMS = BENCH.with_name("arms-loopback.yaml")
+SLAVE = 9.81  # N m, what the slave's mass at a metre weighs
+RAMP = 20
+RIG = (
+    "operate={start: engaged}",
+    "slave.axes.lever.load={sine: -0.05, reflect_load: true}",
+    "simulation.axes.slave.lever.load={sine: -0.05}",
+    "coupling.pairs.lever.offset=0.0",
+    "coupling.pairs.lever.engage_tolerance=0.02",
+    "simulation.environment.lever={type: free}",
+    "require=coupled_stable",
+)
+
+
+def heights(x: Any) -> tuple[list[float], float]:
+    return [SLAVE * math.cos(x[0])], SLAVE * math.sin(x[0])
+
+
+def nothing(_: Any) -> tuple[list[float], float]:
+    return [0.0], 0.0
+
+
+def hand(ratio: float = 1.0, power: float = 1.0) -> SideLoad:
+    """Return a master that weighs nothing, before it is coupled at x_slave = ratio x_master."""
+    axis = CarriedAxis("master.lever", 100.0, math.inf, 0.0, 0, 0.0)
+    felt = FeltLoad(heights, [FeltPlace("lever", 0, ratio, 0.0)], power, RAMP, coupled=False)
+    return SideLoad("master", [axis], nothing, felt=felt)
+
+
+def pass_slot(load: SideLoad, x: float) -> float:
+    load.pass_slots(0, 1)
+    load.take(0, x)
+    return load.effort(0)
+
+
+def books(load: SideLoad) -> dict[str, float]:
+    row = [0.0] * len(load.columns)
+    load.fill(row, 0)
+    return dict(zip(load.columns, row, strict=True))
+
+
+def test_it_is_felt_at_the_offset_of_the_engagement_and_only_while_coupled() -> None:
+    load = hand(ratio=-0.5, power=0.25)
+    x = 0.3
+    assert [pass_slot(load, x) for _ in range(3)] == [0.0] * 3
+    for offset in (0.0, 0.4):
+        load.engage({"lever": offset})
+        found = [pass_slot(load, x) for _ in range(RAMP + 2)]
+        whole = 0.5 / 0.25 * SLAVE * math.cos(-0.5 * x + offset)
+        assert found[-1] == pytest.approx(whole)
+        steps = np.diff([0.0, *(value for value in found if value != whole), whole])
+        assert steps == pytest.approx(whole / RAMP)
+        load.disengage()
+        assert [pass_slot(load, x) for _ in range(RAMP)][-1] == 0.0
+        assert pass_slot(load, x) == 0.0
+    assert abs(books(load)["load.master.changed"]) < 1e-12  # all that was put in came back
+    assert abs(books(load)["load.master.leak"]) < 1e-12
+
+
+def test_an_engagement_that_comes_early_waits_until_the_last_one_has_faded() -> None:
+    """From its middle down, then up at the new place: no step anywhere."""
+    load = hand()
+    load.engage({"lever": 0.0})
+    for _ in range(RAMP + 1):
+        pass_slot(load, 0.0)
+    load.disengage()
+    half = [pass_slot(load, 0.0) for _ in range(RAMP // 2)][-1]
+    assert half == pytest.approx(-SLAVE / 2)
+    load.engage({"lever": math.pi})
+    found = [half, *(pass_slot(load, 0.0) for _ in range(RAMP // 2 + RAMP + 2))]
+    assert max(abs(np.diff(found))) < 1.01 * SLAVE / RAMP
+    assert found[-1] == pytest.approx(SLAVE)
+    changed = books(load)["load.master.changed"]
+    assert changed == pytest.approx(0.0, abs=1e-12)  # sin(0) and sin(pi): no height in either
+
+
+def test_an_engagement_at_the_same_place_does_not_fade_first() -> None:
+    load = hand()
+    load.engage({"lever": 0.0})
+    for _ in range(RAMP + 1):
+        pass_slot(load, 0.0)
+    load.disengage()
+    for _ in range(3):
+        pass_slot(load, 0.0)
+    load.engage({"lever": 0.0})
+    assert pass_slot(load, 0.0) < -SLAVE * (1.0 - 3.5 / RAMP)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_hand_that_clutches_as_it_likes_gets_no_more_than_was_stated(seed: int) -> None:
+    """The slave stands while the hand is clutched, and is where the master stands else.
+
+    The hand goes down coupled and up clutched, or whatever it likes: in all it gets the height
+    that the slave has lost, and a swing of the potential for each of the ramps at most.
+    """
+    rng = random.Random(seed)
+    load = hand()
+    place = x = offset = 0.0
+    coupled, ramps, most = False, 0, 0.0
+    for _ in range(200):
+        if coupled:
+            load.disengage()
+        else:
+            offset = place - x
+            load.engage({"lever": offset})
+        coupled, ramps = not coupled, ramps + 1
+        aim = place + (-1.0 if rng.random() < 0.8 else 1.0) * rng.uniform(0.0, 1.0)
+        goal = max(-1.5, min(aim, 1.5)) - offset if coupled else rng.uniform(-3.0, 3.0)
+        steps = rng.choice((5, 15, 60, 400))
+        start = x
+        for k in range(steps):
+            x = start + (goal - start) * (1 - math.cos(math.pi * (k + 1) / steps)) / 2
+            if coupled:
+                place = x + offset
+            pass_slot(load, x)
+            got = -books(load)["load.master.lever.energy"]
+            most = max(most, got - 2 * SLAVE * (ramps + 1))
+    found = books(load)
+    assert most <= 0.0
+    assert found["load.master.leak"] == pytest.approx(
+        found["load.master.lever.energy"] + found["load.master.potential"], abs=1e-9
+    )
+    # Held at the middle of strides as coarse as these, it misses its work by their square.
+    assert abs(found["load.master.leak"]) < 0.05 * 2 * SLAVE * ramps
+
+
+def run(*more: str) -> dict[str, Any]:
+    orders = [(1_200_000_000, Order("clutch")), (1_700_000_000, Order("engage"))]
+    points = "[[0, 0], [1.2, 0], [1.6, 0.2], [2.4, 0.2], [3.0, -0.2], [4.5, -0.2]]"
+    led = f"simulation.hand.lever.reference={{type: minimum_jerk, waypoints: {points}}}"
+    rig = load_rig(BENCH, [*RIG, led, "duration_s=4.5", *more])
+    built = with_operation(rig, build_rig(rig, clock="fake"), [Script(orders)], [])
+    result, data = run_in_memory(built)
+    assert result.error is None
+    return dict(zip(built.columns, data.T, strict=True))
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_after_a_clutch_the_hand_feels_what_the_slave_weighs_where_it_stands(scale: float) -> None:
+    table = run(f"coupling.pairs.lever.position_scale={scale}")
+    felt, state = table["load.master.lever.effort"], table["operation.state"]
+    x, y = table["master.lever.position"], table["slave.lever.position"]
+    clutched = np.flatnonzero(state == 3)
+    assert len(clutched) > 400
+    assert abs(felt[clutched[-1]]) < 1e-3  # half a second after the clutch it has faded
+    again = clutched[-1] + int(np.flatnonzero(state[clutched[-1] :] == 2)[0])
+    offset = y[again] - scale * x[again]
+    assert abs(offset) > 0.15 * scale
+    late = slice(-300, None)
+    params = LoadParams(0.0, 0.0, -0.05)
+    weight = np.array([load_effort(params, at) for at in scale * x[late] + offset])
+    assert felt[late] == pytest.approx(scale * weight, abs=2e-4)
+    carried = table["load.slave.lever.effort"][late]
+    assert scale * carried == pytest.approx(-felt[late], abs=4e-3)  # friction holds it apart
+    assert min(abs(felt[late])) > 4e-3
+    assert table["load.master.given"][-1] < 1e-5
+
+
+def test_check_states_what_an_engagement_may_supply() -> None:
+    rig = load_rig(BENCH, list(RIG))
+    found = load_element(rig, "master.lever", declared_delays(rig), 0.0)
+    assert found is not None
+    low, high = rig.axes["slave.lever"].position_range or (-math.pi, math.pi)
+    at = [-0.05 * math.cos(low + (high - low) * k / 1000) for k in range(1001)]
+    assert found.numbers["engage_j"] == pytest.approx(1.1 * (max(at) - min(at)), rel=1e-4)
+    assert "Each engagement, and each end of one, may supply up to" in found.passive.reason
+    plain = load_rig(BENCH, [*RIG, "operate=null", "duration_s=1.0"])
+    assert felt_swing(plain) == 0.0
+    sides, _ = side_loads(plain, declared_delays(plain))
+    assert "load.master.changed" not in sides[0].columns
+
+
+def test_a_leader_with_payloads_of_its_own_still_feels_the_follower() -> None:
+    """What it weighs itself and what is felt are one sum, whichever payload it holds."""
+    more = ["operate={}", "slave.arm.reflect_load=true"]
+    more += ["master.arm.payloads={grip: {mass: 0.05}}"]
+    for name in load_rig(ARMS).coupling.pairs:
+        more += [f"coupling.pairs.{name}.{key}" for key in ("offset=0.0", "engage_tolerance=0.2")]
+    rig = load_rig(ARMS, more)
+    sides, _ = side_loads(rig, declared_delays(rig))
+    master = next(side for side in sides if side.name == "master")
+    for which in range(6):
+        master.take(which, 0.3)
+    alone = [master.effort(which) for which in range(6)]
+    master.engage({})
+    for _ in range(2000):
+        for which in range(6):
+            master.pass_slots(which, 1)
+            master.take(which, 0.3)
+            master.effort(which)
+    assert master.take_up("grip") == ""
+    before = [master.effort(which) for which in range(6)]
+    assert abs(before[1] - alone[1]) > 0.5  # the follower's shoulder
+    for _ in range(2000):
+        for which in range(6):
+            master.pass_slots(which, 1)
+            master.take(which, 0.3)
+            master.effort(which)
+    after = [master.effort(which) for which in range(6)]
+    assert 0.01 < abs(after[1] - before[1]) < 0.5
