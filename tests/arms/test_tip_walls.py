@@ -50,6 +50,33 @@ def bounce(
     return math.hypot(*v) / math.hypot(0.4 * speed, speed), tip
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_host_that_stalls_gives_no_more_than_check_states_of_each_skipped_period(
+    seed: int,
+) -> None:
+    """A skipped period holds the force on: force limit times the greatest speed, no more."""
+    rng = random.Random(seed)
+    limit, speed = 30.0, 1.5
+    wall = ArmWall(shape="plane", normal=(0.0, 0.0, 1.0), stiffness=1000.0, force_limit=limit)
+    tip = TipWall("floor", wall, [0.0] * 3, Effort(3, 0, 0.0), [1.0 / MASS] * 3, PERIOD)
+    x, v, moved = 0.005, -speed, 0.0
+    skipped = 0
+    for _ in range(300):
+        force = tip.push([0.0, 0.0, x], SLIDES, [0.0, 0.0, moved])[2]
+        slots = 1 + rng.choice((0, 0, 0, 1, 4))
+        skipped += slots - 1 if force else 0
+        before = x
+        for _ in range(slots):
+            x += v * PERIOD + 0.5 * force / MASS * PERIOD**2
+            v += force / MASS * PERIOD
+        tip.effort.pass_slots(slots)
+        tip.close([0.0, 0.0, x - before])
+        tip.effort.begin()
+        moved = (x - before) / slots
+        assert -tip._absorbed <= skipped * limit * max(speed, abs(v)) * PERIOD + 1e-12
+    assert v > 0.0
+
+
 @pytest.mark.parametrize("speed", [0.3, 1.0, 3.0])
 def test_a_mass_comes_back_no_faster(speed: float) -> None:
     ratio, tip = bounce(0, speed, force_limit=1e6)

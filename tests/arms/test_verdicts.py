@@ -26,6 +26,7 @@ def test_an_arm_is_certified_with_what_its_joints_have() -> None:
     assert all(element.passive.passed for element in found.values())
     assert found["tip of hand"].passive.conditions
     assert found["wall disc of hand"].numbers["noise_w"] > 0.0
+    assert found["wall disc of hand"].numbers["stalled_j"] > 0.0
     assert found["joint elbow of arm"].numbers["needed_damping"] > 0.0
 
 

@@ -238,13 +238,17 @@ def _tip(options: ArmOptions, bus: BusSpec, which: Sequence[int], sampled: Sampl
 def _wall(
     name: str, bus: BusSpec, wall: ArmWall, options: ArmOptions, sampled: Sampled
 ) -> BusElement:
-    variance = 0.0
+    variance = fastest = 0.0
     for reach, joint in zip(sampled.reach, options.joints.values(), strict=True):
         variance += reach**2 * (joint.position_noise**2 + joint.encoder_quantum**2 / 12.0)
+        fastest += reach * joint.velocity_limit
     power = wall.stiffness * variance * bus.rate_hz
+    stalled = wall.force_limit * fastest / bus.rate_hz
     sentence = (
         f"wall {name} of bus {bus.name}: returns no more than it absorbed in the same contact, by "
-        f"its energy account, plus {power:.3g} W for encoder noise while in contact."
+        f"its energy account, plus {power:.3g} W for encoder noise while in contact. A "
+        f"host that stalls holds its force for longer: each period that it skips may supply "
+        f"up to {stalled:.3g} J at the joints' velocity limits, which the next contacts take back."
     )
     return BusElement(
         f"wall {name} of {bus.name}",
@@ -253,5 +257,5 @@ def _wall(
         True,
         sentence,
         (),
-        {"noise_w": power},
+        {"noise_w": power, "stalled_j": stalled},
     )
