@@ -121,7 +121,7 @@ class SerialPort:
         """Return whether `read` would return data or raise; a third of its cost."""
         try:
             fcntl.ioctl(self._fd, termios.FIONREAD, self._count)
-        except OSError:
+        except (OSError, ValueError):  # unplugged; closed
             return True
         return self._count != _NOTHING
 

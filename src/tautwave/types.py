@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 VOLUNTARY_HZ = 8.0
 """Hands move by will below this [Hz]."""
 
+UNDO_PAYLOAD = "back"
+"""What the command `payload` takes beside names: it undoes the last change."""
+
 
 class JointState(NamedTuple):
     """What a driver measured on one axis.

@@ -167,6 +167,7 @@ def test_verdict_and_room_are_those_of_the_heaviest() -> None:
     [
         (["operate=null"], "add `operate: {}`"),
         (["slave.arm.compensate=false"], "compensate: false"),
+        (["slave.arm.payloads={back: {mass: 1}}"], "choose another name"),
         (["slave.arm.payloads={box: {mass: -1}}"], "greater than or equal to 0"),
         (["slave.arm.payloads={box: {mass: 9}}"], "leaves too little for the coupling"),
     ],

@@ -173,6 +173,7 @@ def test_a_serial_device_carries_bytes_until_it_is_unplugged() -> None:
         port.read()
     port.close()
     assert port.fileno() == -1
+    assert port.waiting()  # `read` would raise
     port.close()
 
 

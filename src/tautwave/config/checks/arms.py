@@ -13,6 +13,7 @@ from tautwave.config.text.document import Document
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 from tautwave.models.chain.build import is_inertia
+from tautwave.types import UNDO_PAYLOAD
 
 KINDS = {"turns": "rotary", "slides": "linear"}
 
@@ -98,6 +99,8 @@ def _check_payloads(document: Document, side: str) -> None:
         why = "payloads are selected with the command `payload`; add `operate: {}`"
     elif not arm.compensate:
         why = "the coupling carries this arm (compensate: false), whatever it holds; remove it"
+    elif UNDO_PAYLOAD in arm.payloads:
+        why = f"`payload {UNDO_PAYLOAD}` undoes the last change; choose another name"
     elif arm.reflect_load:
         why = "payloads and reflect_load cannot be combined; remove one of them"
     if why:

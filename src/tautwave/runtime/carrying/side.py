@@ -15,9 +15,7 @@ from typing import NamedTuple
 from tautwave.contracts import Row
 from tautwave.laws.limit import clamp, truncate
 from tautwave.runtime.carrying.felt import FeltLoad, Weighing
-
-BACK = "back"
-"""What `payload` takes beside names: to return to the payload before."""
+from tautwave.types import UNDO_PAYLOAD
 
 
 class CarriedAxis(NamedTuple):
@@ -146,7 +144,7 @@ class SideLoad:
 
     def take_up(self, payload: str) -> str:
         """Weigh with another payload from now on, over the ramp; return why not, or ''."""
-        if payload == BACK and BACK not in self.others:
+        if payload == UNDO_PAYLOAD:
             return self._return()
         if payload not in self.others:
             return f"unknown; choose one of {', '.join(self.others)}"
