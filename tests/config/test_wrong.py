@@ -48,6 +48,11 @@ def test_config_error_ends_in_exit_code_2() -> None:
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such file$"):
         load_rig(tmp_path / "nowhere.yaml")
+    for name in ("planar", "planar.yaml"):
+        with pytest.raises(
+            ConfigError, match="`tautwave example arms/planar` copies it here"
+        ):
+            load_rig(tmp_path / name)
 
 
 def test_folder(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
 from tautwave.config.pieces import take_apart
+from tautwave.config.shipped import example_named
 from tautwave.config.text.document import Document, open_document, read_text
 from tautwave.config.text.overrides import apply_overrides
 from tautwave.config.text.yaml12 import KeyPath
@@ -54,6 +55,8 @@ def load_rig(path: str | Path, overrides: Sequence[str] = (), *, choose: bool = 
         Anything is wrong; `problems` holds every mistake with its line.
     """
     path = Path(path)
+    if not path.exists() and (name := example_named(path)):
+        raise ConfigError(f"{path}: no such file; `tautwave example {name}` copies it here")
     return parse_rig(read_text(path), path, overrides, choose=choose)
 
 

@@ -50,6 +50,16 @@ def shipped_folder() -> Path:
     raise ConfigError(f"{SHIPPED}: the shipped rig files are missing; reinstall tautwave")
 
 
+def example_named(path: Path) -> str:
+    """Return the example that a path, which need not exist, is named after; empty if none."""
+    try:
+        names = [example.name for example in examples()]
+    except ConfigError:
+        return ""
+    wanted = path.name.removesuffix(".yaml")
+    return next((name for name in names if name.rpartition("/")[2] == wanted), "")
+
+
 def examples() -> list[Example]:
     """Return every shipped rig and sweep, by name."""
     folder = shipped_folder()
