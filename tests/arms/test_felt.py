@@ -111,6 +111,18 @@ def test_an_engagement_at_the_same_place_does_not_fade_first() -> None:
     assert pass_slot(load, 0.0) < -SLAVE * (1.0 - 3.5 / RAMP)
 
 
+@pytest.mark.parametrize("power", [0.7, 0.91, 1.11])
+def test_a_rig_that_is_not_operated_feels_it_to_the_bit(power: float) -> None:
+    """A whole share is no factor: recordings of such rigs are those of version 0.1.0."""
+    felt = FeltLoad(heights, [FeltPlace("lever", 0, 0.7, 0.1)], power, 500, coupled=True)
+    for x in (0.1, 0.3, 1.1):
+        efforts = [0.0]
+        height = felt.add([x], efforts)
+        held, above = heights([0.7 * x + 0.1])
+        assert efforts == [-(0.7 / power * held[0])]
+        assert height == -above / power
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_hand_that_clutches_as_it_likes_gets_no_more_than_was_stated(seed: int) -> None:
     """The slave stands while the hand is clutched, and is where the master stands else.

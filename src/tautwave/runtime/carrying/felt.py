@@ -97,7 +97,7 @@ class FeltLoad:
         """Add to a side's efforts what the hand feels at `x`; return its potential [J]."""
         if self._steps == 0:
             return 0.0
-        share = self._steps / (self._ramp * self.power)
+        share = self._steps / self._ramp
         there = [
             p.ratio * x[p.at] + offset if p.at >= 0 else 0.0
             for p, offset in zip(self._places, self._offsets, strict=True)
@@ -105,5 +105,5 @@ class FeltLoad:
         held, height = self._weigh(there)
         for p, effort in zip(self._places, held, strict=True):
             if p.at >= 0:
-                efforts[p.at] -= share * p.ratio * effort
-        return -share * height
+                efforts[p.at] -= share * (p.ratio / self.power * effort)
+        return -share * (height / self.power)
