@@ -111,6 +111,27 @@ def test_an_engagement_at_the_same_place_does_not_fade_first() -> None:
     assert pass_slot(load, 0.0) < -SLAVE * (1.0 - 3.5 / RAMP)
 
 
+def test_devices_that_were_reset_within_the_ramp_weigh_nothing_of_it_any_more() -> None:
+    load = hand()
+    load.engage({"lever": 0.0})
+    for _ in range(RAMP + 1):
+        pass_slot(load, 0.3)
+    load.disengage()
+    for _ in range(RAMP // 4):
+        pass_slot(load, 0.3)
+    before = books(load)
+    load.drop(0)
+    assert [pass_slot(load, -0.4) for _ in range(3)] == [0.0] * 3  # it fell meanwhile
+    after = books(load)
+    assert after["load.master.leak"] == pytest.approx(before["load.master.leak"])
+    assert after["load.master.changed"] == before["load.master.changed"]
+    pass_slot(load, 0.3), pass_slot(load, 0.3)
+    load.engage({"lever": 0.2})
+    found = [pass_slot(load, 0.3) for _ in range(RAMP + 1)]
+    assert found[0] == pytest.approx(-SLAVE * math.cos(0.5) / RAMP)
+    assert found[-1] == pytest.approx(-SLAVE * math.cos(0.5))
+
+
 @pytest.mark.parametrize("power", [0.7, 0.91, 1.11])
 def test_a_rig_that_is_not_operated_feels_it_to_the_bit(power: float) -> None:
     """A whole share is no factor: recordings of such rigs are those of version 0.1.0."""

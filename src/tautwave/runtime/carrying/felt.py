@@ -86,6 +86,11 @@ class FeltLoad:
         """Take note that the coupling let the axes go."""
         self._coupled = False
 
+    def drop(self) -> None:
+        """Begin at share 0: the devices were without torque, and nothing is left to ramp out."""
+        if self.lets_go:
+            self._steps = 0
+
     def advance(self) -> None:
         """Go on by a period of the ramp."""
         if self._steps == 0:

@@ -106,6 +106,8 @@ class SideLoad:
         self._acted[which] = self._sum[which] = 0.0
         self._slots[which] = 0
         self._start = None
+        if self._felt is not None:
+            self._felt.drop()
 
     def pass_slots(self, which: int, slots: int) -> None:
         """File the effort that acted in each of the slots that went by."""
