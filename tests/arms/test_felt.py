@@ -218,14 +218,49 @@ def test_check_states_what_an_engagement_may_supply() -> None:
     rig = load_rig(BENCH, list(RIG))
     found = load_element(rig, "master.lever", declared_delays(rig), 0.0)
     assert found is not None
-    low, high = rig.axes["slave.lever"].position_range or (-math.pi, math.pi)
-    at = [-0.05 * math.cos(low + (high - low) * k / 1000) for k in range(1001)]
-    assert found.numbers["engage_j"] == pytest.approx(1.1 * (max(at) - min(at)), rel=1e-4)
+    # From the end of the slave's range, 0.5 rad, the hand may move on by 1 rad as it lets go.
+    assert found.numbers["engage_j"] == pytest.approx(1.1 * 0.05 * (1.0 - math.cos(1.5)), rel=1e-4)
     assert "Each engagement, and each end of one, may supply up to" in found.passive.reason
     plain = load_rig(BENCH, [*RIG, "operate=null", "duration_s=1.0"])
     assert felt_swing(plain) == 0.0
     sides, _ = side_loads(plain, declared_delays(plain))
     assert "load.master.changed" not in sides[0].columns
+
+
+def test_a_weight_that_the_hand_does_not_feel_is_none_of_an_engagements() -> None:
+    """Of two levers one is reflected; the other one's weight is the slave's motor's alone."""
+    axis = "{bus: %s, id: 2, kind: rotary, inertia: {value: 1.5e-3, lower: 1.0e-3, source: x}, "
+    axis += "effort_limit: 1.1, velocity_limit: 15, position_range: [-0.5, 0.5]%s}"
+    more = [f"master.axes.other={axis % ('hand', '')}"]
+    more += [f"slave.axes.other={axis % ('arm', ', load: {sine: -0.3}')}"]
+    more += ["coupling.pairs.other={wave_impedance: 0.02, pole_master: 0.3, pole_slave: 0.3}"]
+    both = load_rig(BENCH, [*RIG, *more])
+    assert felt_swing(both) == pytest.approx(felt_swing(load_rig(BENCH, [*RIG])))
+
+
+@pytest.mark.parametrize("sine", [-0.05, 0.05])
+@pytest.mark.parametrize("seconds", [0.1, 0.25, 0.5])
+def test_a_hand_that_moves_on_while_it_fades_gets_no_more_than_check_states(
+    sine: float, seconds: float
+) -> None:
+    """With the slave at one end of its range and the master at the other of its own."""
+    keys = f"load={{sine: {sine}, reflect_load: true}}"
+    rig = load_rig(BENCH, [*RIG, f"slave.axes.lever.{keys}"])
+    sides, _ = side_loads(rig, declared_delays(rig))
+    load, x = sides[0], 0.5
+    pass_slot(load, x)
+    load.engage({"lever": -1.0})
+    for _ in range(600):
+        pass_slot(load, x)
+    load.disengage()
+    steps = round(seconds * rig.rate_hz)
+    for k in range(steps + 600):
+        x = 0.5 - min((k + 1) / steps, 1.0)
+        pass_slot(load, x)
+    found = books(load)
+    assert abs(found["load.master.lever.energy"]) > 0.01
+    assert abs(found["load.master.lever.energy"]) < felt_swing(rig)
+    assert abs(found["load.master.leak"]) < 1e-5  # its weight beyond the range is not clipped
 
 
 def test_a_leader_with_payloads_of_its_own_still_feels_the_follower() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 from tautwave.config import Rig, TrueLoad
@@ -99,9 +99,41 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
             if load is not None:
                 found[name] = greatest_load(load_params(load), rig.axes[name].position_range)
     if side == "master" and felt_axes(rig):
-        theirs = greatest_loads(rig, "slave")
+        theirs = _felt_loads(rig)
         for name, slave in felt_axes(rig).items():
             found[name] = found.get(name, 0.0) + theirs[slave] / _force_scale(rig, name)
+    return found
+
+
+def _felt_loads(rig: Rig) -> dict[str, float]:
+    """Return by the slave's axis the greatest load that the hand may feel [N m or N]."""
+    arm, ranges, found = rig.slave.arm, felt_ranges(rig), greatest_loads(rig, "slave")
+    if arm is not None:
+        most = greatest_weights(bare_chain(arm, arm.payload), tuple(ranges.values()))
+        return {n: max(found[n], one) for n, one in zip(ranges, most, strict=True)}
+    loads = {name: rig.axes[name].load for name in ranges}
+    return {n: greatest_load(load_params(load), ranges[n]) for n, load in loads.items() if load}
+
+
+def felt_ranges(rig: Rig) -> dict[str, tuple[float, float]]:
+    """Return by the slave's axis the places whose load the hand may feel [rad or m].
+
+    Those of its range; on an operated rig also those that a master reaches from there which moves
+    on while the weight fades.
+    """
+    arm, pairs = rig.slave.arm, felt_axes(rig)
+    given = [rig.axes[name].position_range or (-math.pi, math.pi) for name in pairs.values()]
+    ranges = given if arm is None else joint_ranges(rig, "slave", arm)
+    found = {}
+    for (master, slave), (low, high) in zip(pairs.items(), ranges, strict=True):
+        if rig.operate is not None:
+            turn = math.pi if rig.axes[master].kind == "rotary" else 0.0
+            first, last = rig.axes[master].position_range or (-turn, turn)
+            more = rig.coupling.pairs[slave.partition(".")[2]].position_scale * (last - first)
+            low, high = low - more, high + more
+            if arm is not None and rig.axes[slave].kind == "rotary" and high - low > 2 * math.pi:
+                low, high = -math.pi, math.pi
+        found[slave] = (low, high)
     return found
 
 
@@ -218,21 +250,28 @@ def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
         loads = {name: rig.axes[name].load for name in names}
         found = {name: load_stiffness(load_params(load)) for name, load in loads.items() if load}
     elif names:
-        bounds = [0.0] * len(names)
-        slides = [max(abs(low), abs(high)) for low, high in joint_ranges(rig, side, arm)]
-        for one in each_payload(arm):
-            slopes = [0.0] * len(names)
-            gravity_stiffness(arm_chain(one), slides, slopes)
-            bounds = [max(a, b) for a, b in zip(bounds, slopes, strict=True)]
-        found = dict(zip(names, bounds, strict=True))
+        found = _arm_stiffnesses(arm, dict(zip(names, joint_ranges(rig, side, arm), strict=True)))
     if side == "master" and felt_axes(rig):
         theirs = load_stiffnesses(rig, "slave")
+        if rig.slave.arm is not None:
+            theirs = _arm_stiffnesses(rig.slave.arm, felt_ranges(rig))
         pairs = rig.coupling.pairs
         widest = max(pairs[name.partition(".")[2]].position_scale for name in felt_axes(rig))
         for name, slave in felt_axes(rig).items():
             slope = theirs[slave] * widest / _force_scale(rig, name)
             found[name] = found.get(name, 0.0) + slope
     return found
+
+
+def _arm_stiffnesses(arm: Arm, ranges: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Return how fast the load of each axis of an arm changes at most in these ranges."""
+    bounds = [0.0] * len(ranges)
+    slides = [max(abs(low), abs(high)) for low, high in ranges.values()]
+    for one in each_payload(arm):
+        slopes = [0.0] * len(ranges)
+        gravity_stiffness(arm_chain(one), slides, slopes)
+        bounds = [max(a, b) for a, b in zip(bounds, slopes, strict=True)]
+    return dict(zip(ranges, bounds, strict=True))
 
 
 def greatest_load(p: LoadParams, ends: tuple[float, float] | None) -> float:

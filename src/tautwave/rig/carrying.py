@@ -20,6 +20,7 @@ from tautwave.rig.arms import (
     carried_axes,
     each_payload,
     felt_axes,
+    felt_ranges,
     joint_ranges,
     load_params,
     load_reserves,
@@ -169,27 +170,21 @@ def payload_swing(rig: Rig, side: str) -> float:
 def felt_swing(rig: Rig) -> float:
     """Return the most that one beginning or end of a coupling may give out at the master [J].
 
-    That is how far the slave's potential, as the hand feels it, is apart over the slave's range,
-    sampled; 0 where it is felt all along, or not at all.
+    That is how far the slave's potential, as the hand feels it, is apart over the places that the
+    master may stand for, sampled; 0 where it is felt all along, or not at all.
     """
     felt = _felt_load(rig)
     if felt is None or not felt.lets_go:
         return 0.0
-    return MARGIN * _swing(rig, "slave") / felt.power
-
-
-def _swing(rig: Rig, side: str) -> float:
-    """Return how far the potential of a side's carried loads is apart over its range [J]."""
-    names, weigh = own_carried(rig, side), _own_weighing(rig, side)
-    arm = getattr(rig, side).arm
-    if arm is not None:
-        heights = [weigh(q)[1] for q in postures(joint_ranges(rig, side, arm))]
-        return max(heights) - min(heights)
+    ranges = felt_ranges(rig)
+    if rig.slave.arm is not None:
+        weigh = _own_weighing(rig, "slave")
+        heights = [weigh(q)[1] for q in postures(list(ranges.values()))]
+        return MARGIN * (max(heights) - min(heights)) / felt.power
     found = 0.0
-    for name in names:
+    for name, (low, high) in ranges.items():
         load = rig.axes[name].load
-        low, high = rig.axes[name].position_range or (-math.pi, math.pi)
         places = [low + (high - low) * k / SAMPLES for k in range(SAMPLES + 1)]
         heights = [load_energy(load_params(load), x) for x in places] if load else [0.0]
         found += max(heights) - min(heights)
-    return found
+    return MARGIN * found / felt.power
