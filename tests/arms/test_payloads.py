@@ -15,6 +15,7 @@ from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave.rig import build_rig
 from tautwave.rig.arms import greatest_loads, load_reserves, load_stiffnesses
+from tautwave.rig.carrying import side_loads
 from tautwave.rig.rates import load_offset
 from tautwave.runtime.carrying.side import CarriedAxis, SideLoad, take_payload
 from tautwave.runtime.operate.commands import PAYLOAD, Order, Script
@@ -160,6 +161,35 @@ def test_verdict_and_room_are_those_of_the_heaviest() -> None:
     bare = load_element(light, "slave.waist", delays, 0.0)
     assert bare is not None
     assert "payload_j" not in bare.numbers
+
+
+def test_motors_that_change_slowly_take_as_long_as_they_need_and_the_books_close() -> None:
+    """Half of 60 N m/s at 1 kHz is 0.03 N m per period; the box is 2.1 N m on the shoulder."""
+    rig = load_rig(ARMS, [*MORE, "slave.defaults.effort_rate_limit=60"])
+    load = side_loads(rig, declared_delays(rig))[0][1]
+    count, sent = 6, []
+
+    def go(periods: int, amplitude: float) -> None:
+        for k in range(periods):
+            at = amplitude * math.sin(0.01 * k) ** 2
+            for which in range(count):
+                load.pass_slots(which, 1)
+                load.take(which, at if which == 1 else 0.0)
+            sent.append([load.effort(which) for which in range(count)][1])
+
+    go(400, 0.0)
+    before = sent[-1]
+    assert load.take_up("box") == ""
+    go(600, 0.0)
+    assert sent[-1] - before == pytest.approx(0.4 * 9.81 * 0.53, abs=2e-3)  # stretched out
+    assert load.take_up("back") == ""
+    start = len(sent)
+    go(150, 0.3)
+    assert sent[start + 50] - before > 0.5  # not within 50 ms
+    assert sent[-1] == pytest.approx(before, abs=0.4)
+    row = [0.0] * len(load.columns)
+    load.fill(row, 0)
+    assert abs(row[load.columns.index("load.slave.leak")]) < 1e-3
 
 
 @pytest.mark.parametrize(

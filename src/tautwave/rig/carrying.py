@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from tautwave.config import Rig
 from tautwave.config.keys.arm import Chain
@@ -15,7 +15,6 @@ from tautwave.rig.arms import (
     LOAD_SHARE,
     MARGIN,
     SAMPLES,
-    arm_axes,
     arm_chain,
     carried_axes,
     each_payload,
@@ -69,12 +68,13 @@ def side_loads(
             )
         arm = getattr(rig, side).arm
         others = {} if arm is None else with_payloads(arm)
+        slowest = _slowest(rig, side, axes)
         sides.append(
             SideLoad(
                 side, axes, _weighing(rig, side),
                 {payload: _chain_weighing(one) for payload, one in others.items()},
-                max(1, round(TAKEN_UP_S * rig.rate_hz)),
-                max(1, round(UNDONE_S * rig.rate_hz)),
+                max(1, round(TAKEN_UP_S * rig.rate_hz), slowest),
+                max(1, round(UNDONE_S * rig.rate_hz), slowest),
                 _felt_load(rig) if side == "master" else None,
             )
         )  # fmt: skip
@@ -151,20 +151,36 @@ def payload_swing(rig: Rig, side: str) -> float:
 
     That is how far, over the range, the potentials with two payloads are apart.
     """
+    return MARGIN * max((swing for _, swing in _changes(rig, side)), default=0.0)
+
+
+def _slowest(rig: Rig, side: str, axes: Sequence[CarriedAxis]) -> int:
+    """Return the periods that a change of payload takes at least: no effort outruns its rate."""
+    shares = [
+        effort / axis.step
+        for efforts, _ in _changes(rig, side)
+        for effort, axis in zip(efforts, axes, strict=True)
+    ]
+    return math.ceil(MARGIN * max(shares, default=0.0))
+
+
+def _changes(rig: Rig, side: str) -> Iterator[tuple[list[float], float]]:
+    """Yield for each two payloads how far apart their efforts are, by axis [N m or N], and heights.
+
+    Over the range, sampled.
+    """
     arm = getattr(rig, side).arm
     if arm is None or not arm.payloads:
-        return 0.0
-    chains = [arm_chain(one) for one in each_payload(arm)]
-    held = [0.0] * len(arm_axes(rig, side))
-    heights = [
-        [chain_gravity(chain, chain_frames(chain, q), held) for chain in chains]
-        for q in postures(joint_ranges(rig, side, arm))
-    ]
-    most = 0.0
-    for one, other in itertools.combinations(range(len(chains)), 2):
-        apart = [row[one] - row[other] for row in heights]
-        most = max(most, max(apart) - min(apart))
-    return MARGIN * most
+        return
+    weigh = [_chain_weighing(one) for one in each_payload(arm)]
+    found = [[one(q) for one in weigh] for q in postures(joint_ranges(rig, side, arm))]
+    for one, other in itertools.combinations(range(len(weigh)), 2):
+        most = [0.0] * len(found[0][one][0])
+        for row in found:
+            both = zip(most, row[one][0], row[other][0], strict=True)
+            most = [max(so_far, abs(a - b)) for so_far, a, b in both]
+        gaps = [row[one][1] - row[other][1] for row in found]
+        yield most, max(gaps) - min(gaps)
 
 
 def felt_swing(rig: Rig) -> float:
