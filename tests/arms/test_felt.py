@@ -132,6 +132,15 @@ def test_devices_that_were_reset_within_the_ramp_weigh_nothing_of_it_any_more() 
     assert found[-1] == pytest.approx(-SLAVE * math.cos(0.5))
 
 
+def test_a_rig_that_is_not_operated_feels_all_of_it_again_after_its_devices_were_reset() -> None:
+    felt = FeltLoad(heights, [FeltPlace("lever", 0, 1.0, 0.0)], 1.0, RAMP, coupled=True)
+    axis = CarriedAxis("master.lever", 100.0, math.inf, 0.0, 0, 0.0)
+    load = SideLoad("master", [axis], nothing, felt=felt)
+    for _ in range(2):
+        load.drop(0)
+        assert pass_slot(load, 0.3) == pytest.approx(-SLAVE * math.cos(0.3))
+
+
 @pytest.mark.parametrize("power", [0.7, 0.91, 1.11])
 def test_a_rig_that_is_not_operated_feels_it_to_the_bit(power: float) -> None:
     """A whole share is no factor: recordings of such rigs are those of version 0.1.0."""
@@ -236,6 +245,12 @@ def test_a_weight_that_the_hand_does_not_feel_is_none_of_an_engagements() -> Non
     more += ["coupling.pairs.other={wave_impedance: 0.02, pole_master: 0.3, pole_slave: 0.3}"]
     both = load_rig(BENCH, [*RIG, *more])
     assert felt_swing(both) == pytest.approx(felt_swing(load_rig(BENCH, [*RIG])))
+    load = side_loads(both, declared_delays(both))[0][0]
+    pass_slot(load, 0.0)
+    load.engage({"lever": 0.1})
+    found = [pass_slot(load, 0.3 * math.sin(0.003 * k)) for k in range(2601)]
+    assert found[-1] == pytest.approx(-0.05 * math.sin(0.1 + 0.3 * math.sin(7.8)), abs=1e-4)
+    assert abs(books(load)["load.master.leak"]) < 1e-6
 
 
 @pytest.mark.parametrize("sine", [-0.05, 0.05])
