@@ -241,7 +241,7 @@ def test_a_weight_that_the_hand_does_not_feel_is_none_of_an_engagements() -> Non
     axis = "{bus: %s, id: 2, kind: rotary, inertia: {value: 1.5e-3, lower: 1.0e-3, source: x}, "
     axis += "effort_limit: 1.1, velocity_limit: 15, position_range: [-0.5, 0.5]%s}"
     more = [f"master.axes.other={axis % ('hand', '')}"]
-    more += [f"slave.axes.other={axis % ('arm', ', load: {sine: -0.3}')}"]
+    more += [f"slave.axes.other={axis % ('arm', ', load: {cosine: -0.3}')}"]
     more += ["coupling.pairs.other={wave_impedance: 0.02, pole_master: 0.3, pole_slave: 0.3}"]
     both = load_rig(BENCH, [*RIG, *more])
     assert felt_swing(both) == pytest.approx(felt_swing(load_rig(BENCH, [*RIG])))
