@@ -28,7 +28,7 @@ from tautwave_drivers.arm.walls import ArmWall
 
 POSTURES = 300
 MARGIN = 1.2
-"""What sampled slopes and efforts are taken times."""
+"""What sampled slopes, efforts and speeds are taken times."""
 
 STEP = 1e-4
 
@@ -243,7 +243,7 @@ def _wall(
         variance += reach**2 * (joint.position_noise**2 + joint.encoder_quantum**2 / 12.0)
         fastest += reach * joint.velocity_limit
     power = wall.stiffness * variance * bus.rate_hz
-    stalled = wall.force_limit * fastest / bus.rate_hz
+    stalled = MARGIN * wall.force_limit * fastest / bus.rate_hz
     sentence = (
         f"wall {name} of bus {bus.name}: returns no more than it absorbed in the same contact, by "
         f"its energy account, plus {power:.3g} W for encoder noise while in contact. A "
