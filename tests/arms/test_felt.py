@@ -278,6 +278,21 @@ def test_a_hand_that_moves_on_while_it_fades_gets_no_more_than_check_states(
     assert abs(found["load.master.leak"]) < 1e-5  # its weight beyond the range is not clipped
 
 
+def test_a_ramp_books_no_more_than_check_states_wherever_the_potentials_zero_is() -> None:
+    narrow = [f"{side}.axes.lever.position_range=[0.4, 0.5]" for side in ("master", "slave")]
+    narrow += [f"coupling.pairs.lever.wall_{side}=null" for side in ("master", "slave")]
+    narrow += [f"simulation.axes.{side}.lever.start_position=0.42" for side in ("master", "slave")]
+    rig = load_rig(BENCH, [*RIG, *narrow])
+    load = side_loads(rig, declared_delays(rig))[0][0]
+    pass_slot(load, 0.42)
+    load.engage({"lever": 0.0})
+    for _ in range(600):
+        pass_slot(load, 0.42)
+    booked = -0.05 * (math.cos(0.45) - math.cos(0.42))
+    assert books(load)["load.master.changed"] == pytest.approx(booked)
+    assert abs(booked) < felt_swing(rig) < 0.01 < 0.05 * math.cos(0.42)
+
+
 def test_a_leader_with_payloads_of_its_own_still_feels_the_follower() -> None:
     """What it weighs itself and what is felt are one sum, whichever payload it holds."""
     more = ["operate={}", "slave.arm.reflect_load=true"]

@@ -118,8 +118,12 @@ def _felt_load(rig: Rig) -> FeltLoad | None:
             powers.append(scale.power)
         places.append(FeltPlace(name, at, scale.sign * scale.scale, offset or 0.0))
     ramp = max(1, round(TAKEN_UP_S * rig.rate_hz))
-    weigh = _own_weighing(rig, "slave")
-    return FeltLoad(weigh, places, powers[0], ramp, coupled=rig.operate is None)
+    weigh, level = _own_weighing(rig, "slave"), 0.0
+    if rig.operate is not None:  # in the middle: there a ramp puts nothing in, wherever the zero is
+        ranges = felt_ranges(rig)
+        middle = (0.5 * sum(ranges.get(name, (0.0, 0.0))) for name in own_carried(rig, "slave"))
+        level = weigh(list(middle))[1]
+    return FeltLoad(weigh, places, powers[0], ramp, coupled=rig.operate is None, level=level)
 
 
 def _own_weighing(rig: Rig, side: str) -> Weighing:

@@ -45,6 +45,8 @@ class FeltLoad:
         Periods in which the share rises or falls.
     coupled : bool
         Whether the coupling holds the axes from the start to the end of the run.
+    level : float
+        Potential that counts as 0 [J]: what a ramp books is from there.
     """
 
     def __init__(
@@ -55,11 +57,13 @@ class FeltLoad:
         ramp: int,
         *,
         coupled: bool,
+        level: float = 0.0,
     ) -> None:
         self._weigh = weigh
         self._places = places
         self.power = power
         self._ramp = ramp
+        self._level = level
         self.lets_go = not coupled
         """Whether the coupling begins and ends within a run."""
         self._coupled = coupled
@@ -111,4 +115,4 @@ class FeltLoad:
         for p, effort in zip(self._places, held, strict=True):
             if p.at >= 0:
                 efforts[p.at] -= share * (p.ratio / self.power * effort)
-        return -share * (height / self.power)
+        return -share * ((height - self._level) / self.power)
