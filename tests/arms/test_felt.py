@@ -12,7 +12,7 @@ import pytest
 
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.loads import load_element
-from tautwave.config import load_rig
+from tautwave.config import Rig, load_rig
 from tautwave.models.load import LoadParams, load_effort
 from tautwave.rig import build_rig
 from tautwave.rig.carrying import felt_swing, side_loads
@@ -236,14 +236,39 @@ def test_check_states_what_an_engagement_may_supply() -> None:
     assert "load.master.changed" not in sides[0].columns
 
 
-def test_a_weight_that_the_hand_does_not_feel_is_none_of_an_engagements() -> None:
-    """Of two levers one is reflected; the other one's weight is the slave's motor's alone."""
+def two_levers(master: str = "", *more: str) -> Rig:
+    """Return the bench with a second lever, which weighs something, and is not reflected."""
     axis = "{bus: %s, id: 2, kind: rotary, inertia: {value: 1.5e-3, lower: 1.0e-3, source: x}, "
     axis += "effort_limit: 1.1, velocity_limit: 15, position_range: [-0.5, 0.5]%s}"
-    more = [f"master.axes.other={axis % ('hand', '')}"]
-    more += [f"slave.axes.other={axis % ('arm', ', load: {cosine: -0.3}')}"]
-    more += ["coupling.pairs.other={wave_impedance: 0.02, pole_master: 0.3, pole_slave: 0.3}"]
-    both = load_rig(BENCH, [*RIG, *more])
+    keys = [f"master.axes.other={axis % ('hand', master)}"]
+    keys += [f"slave.axes.other={axis % ('arm', ', load: {cosine: -0.3}')}"]
+    keys += ["coupling.pairs.other={wave_impedance: 0.02, pole_master: 0.3, pole_slave: 0.3}"]
+    return load_rig(BENCH, [*RIG, *keys, *more])
+
+
+def test_what_one_lever_weighs_itself_and_what_is_felt_on_the_other_are_one_sum() -> None:
+    """On a rig that is not operated, at the rig's offset and scale, from the first sample on."""
+    place = ["coupling.pairs.lever.offset=0.1", "coupling.pairs.lever.position_scale=0.5"]
+    place += ["coupling.pairs.lever.force_scale=2.0", "operate=null", "duration_s=1.0"]
+    rig = two_levers(", load: {cosine: -0.2, sine: 0.1}", *place)
+    (load, _), _ = side_loads(rig, declared_delays(rig))
+    for k in range(1000):
+        x = 0.3 * math.sin(0.003 * k), 0.2 * math.sin(0.005 * k)
+        for which in range(2):
+            load.pass_slots(which, 1)
+            load.take(which, x[which])
+        found = [load.effort(which) for which in range(2)]
+    felt = -0.05 * math.sin(0.5 * (x[0] - 0.1)) / 2.0
+    own = 0.2 * math.cos(x[1]) - 0.1 * math.sin(x[1])
+    assert found == pytest.approx([felt, own], abs=1e-4)
+    assert abs(books(load)["load.master.lever.energy"]) > 1e-5
+    assert abs(books(load)["load.master.other.energy"]) > 1e-3
+    assert abs(books(load)["load.master.leak"]) < 1e-6
+
+
+def test_a_weight_that_the_hand_does_not_feel_is_none_of_an_engagements() -> None:
+    """Of two levers one is reflected; the other one's weight is the slave's motor's alone."""
+    both = two_levers()
     assert felt_swing(both) == pytest.approx(felt_swing(load_rig(BENCH, [*RIG])))
     load = side_loads(both, declared_delays(both))[0][0]
     pass_slot(load, 0.0)
