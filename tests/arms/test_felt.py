@@ -15,7 +15,7 @@ from tautwave.certificate.loads import load_element
 from tautwave.config import Rig, load_rig
 from tautwave.models.load import LoadParams, load_effort
 from tautwave.rig import build_rig
-from tautwave.rig.carrying import felt_swing, side_loads
+from tautwave.rig.carrying import _chain_weighing, felt_swing, side_loads
 from tautwave.runtime.carrying.felt import FeltLoad, FeltPlace
 from tautwave.runtime.carrying.side import CarriedAxis, SideLoad
 from tautwave.runtime.operate.commands import Order, Script
@@ -318,13 +318,31 @@ def test_a_ramp_books_no_more_than_check_states_wherever_the_potentials_zero_is(
     assert abs(booked) < felt_swing(rig) < 0.01 < 0.05 * math.cos(0.42)
 
 
+def leader(*more: str) -> Rig:
+    """Return two arms of which the leader feels the follower while it is engaged."""
+    keys = ["operate={}", "slave.arm.reflect_load=true", *more]
+    for name in load_rig(ARMS).coupling.pairs:
+        keys += [f"coupling.pairs.{name}.{key}" for key in ("offset=0.0", "engage_tolerance=0.2")]
+    return load_rig(ARMS, keys)
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_what_an_engagement_of_arms_may_supply_is_from_straight_down_to_straight_up(
+    power: float,
+) -> None:
+    names = load_rig(ARMS).coupling.pairs
+    rig = leader(*(f"coupling.pairs.{name}.force_scale={power}" for name in names))
+    arm = rig.slave.arm
+    assert arm is not None
+    weigh = _chain_weighing(arm)
+    up, down = ([0.0, at, 0.0, 0.0, 0.0, 0.0] for at in (math.pi / 2, -math.pi / 2))
+    most = (weigh(up)[1] - weigh(down)[1]) / power
+    assert most < felt_swing(rig) < 1.12 * most
+
+
 def test_a_leader_with_payloads_of_its_own_still_feels_the_follower() -> None:
     """What it weighs itself and what is felt are one sum, whichever payload it holds."""
-    more = ["operate={}", "slave.arm.reflect_load=true"]
-    more += ["master.arm.payloads={grip: {mass: 0.05}}"]
-    for name in load_rig(ARMS).coupling.pairs:
-        more += [f"coupling.pairs.{name}.{key}" for key in ("offset=0.0", "engage_tolerance=0.2")]
-    rig = load_rig(ARMS, more)
+    rig = leader("master.arm.payloads={grip: {mass: 0.05}}")
     sides, _ = side_loads(rig, declared_delays(rig))
     master = next(side for side in sides if side.name == "master")
     for which in range(6):

@@ -163,6 +163,23 @@ def test_verdict_and_room_are_those_of_the_heaviest() -> None:
     assert "payload_j" not in bare.numbers
 
 
+def test_a_rig_undoes_a_change_in_50_ms_and_takes_one_up_in_half_a_second() -> None:
+    rig = load_rig(ARMS, [*MORE])
+    load = side_loads(rig, declared_delays(rig))[0][1]
+    sent = []
+    for word, periods in (("", 1), ("box", 600), ("back", 60)):
+        assert not word or load.take_up(word) == ""
+        for _ in range(periods):
+            for which in range(6):
+                load.pass_slots(which, 1)
+                load.take(which, 0.0)
+            sent.append([load.effort(which) for which in range(6)][1])
+    settled = [abs(value - sent[at]) < 1e-3 for at in (600, -1) for value in sent]
+    assert settled[: len(sent)].index(True) == pytest.approx(500, abs=2)
+    assert settled[len(sent) + 601 :].index(True) == pytest.approx(50, abs=2)
+    assert sent[-1] == pytest.approx(sent[0], abs=1e-3)
+
+
 def test_motors_that_change_slowly_take_as_long_as_they_need_and_the_books_close() -> None:
     """Half of 60 N m/s at 1 kHz is 0.03 N m per period; the box is 2.1 N m on the shoulder."""
     rig = load_rig(ARMS, [*MORE, "slave.defaults.effort_rate_limit=60"])
