@@ -230,6 +230,8 @@ def test_check_states_what_an_engagement_may_supply() -> None:
     # From the end of the slave's range, 0.5 rad, the hand may move on by 1 rad as it lets go.
     assert found.numbers["engage_j"] == pytest.approx(1.1 * 0.05 * (1.0 - math.cos(1.5)), rel=1e-4)
     assert "Each engagement, and each end of one, may supply up to" in found.passive.reason
+    strong = load_rig(BENCH, [*RIG, "coupling.pairs.lever.force_scale=2.0"])
+    assert felt_swing(strong) == pytest.approx(found.numbers["engage_j"] / 2.0)
     plain = load_rig(BENCH, [*RIG, "operate=null", "duration_s=1.0"])
     assert felt_swing(plain) == 0.0
     sides, _ = side_loads(plain, declared_delays(plain))
