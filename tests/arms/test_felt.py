@@ -340,6 +340,9 @@ def test_what_an_engagement_of_arms_may_supply_is_from_straight_down_to_straight
     up, down = ([0.0, at, 0.0, 0.0, 0.0, 0.0] for at in (math.pi / 2, -math.pi / 2))
     most = (weigh(up)[1] - weigh(down)[1]) / power
     assert most < felt_swing(rig) < 1.12 * most
+    delays = declared_delays(rig)
+    found = [load_element(rig, f"master.{name}", delays, 0.0) for name in names]
+    assert [one is not None and "engage_j" in one.numbers for one in found] == [True, *[False] * 5]
 
 
 def test_a_leader_with_payloads_of_its_own_still_feels_the_follower() -> None:

@@ -227,7 +227,9 @@ SECTIONS = {
         Column("load.SIDE.potential", "J", "what the side's loads hold more than at the start"),
         Column("load.SIDE.leak", "J", "all of that energy with the potential's change"),
         Column("load.SIDE.given", "J", "most that was given at any time beyond the potential"),
-        Column("load.SIDE.changed", "J", "put into it by payloads taken up, by ramps"),
+        Column(
+            "load.SIDE.changed", "J", "put into the potential by payload changes and felt ramps"
+        ),
     ),
     "A simulated arm": (
         Column("joints.SIDE.JOINT.position", "rad, m", "driver `arm`: a joint behind the tip"),
