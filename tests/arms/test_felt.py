@@ -15,6 +15,7 @@ from tautwave.certificate.loads import load_element
 from tautwave.config import Rig, load_rig
 from tautwave.models.load import LoadParams, load_effort
 from tautwave.rig import build_rig
+from tautwave.rig.arms import greatest_loads
 from tautwave.rig.carrying import _chain_weighing, felt_swing, side_loads
 from tautwave.runtime.carrying.felt import FeltLoad, FeltPlace
 from tautwave.runtime.carrying.side import CarriedAxis, SideLoad
@@ -232,6 +233,9 @@ def test_check_states_what_an_engagement_may_supply() -> None:
     assert "Each engagement, and each end of one, may supply up to" in found.passive.reason
     strong = load_rig(BENCH, [*RIG, "coupling.pairs.lever.force_scale=2.0"])
     assert felt_swing(strong) == pytest.approx(found.numbers["engage_j"] / 2.0)
+    scales = ("position_scale=2.0", "force_scale=0.5")
+    far = load_rig(BENCH, [*RIG, *(f"coupling.pairs.lever.{scale}" for scale in scales)])
+    assert felt_swing(far) == pytest.approx(1.1 * 0.05 * (1.0 - math.cos(2.5)), rel=1e-4)
     plain = load_rig(BENCH, [*RIG, "operate=null", "duration_s=1.0"])
     assert felt_swing(plain) == 0.0
     sides, _ = side_loads(plain, declared_delays(plain))
@@ -343,6 +347,17 @@ def test_what_an_engagement_of_arms_may_supply_is_from_straight_down_to_straight
     delays = declared_delays(rig)
     found = [load_element(rig, f"master.{name}", delays, 0.0) for name in names]
     assert [one is not None and "engage_j" in one.numbers for one in found] == [True, *[False] * 5]
+
+
+def test_what_is_kept_for_the_follower_counts_where_a_leader_that_lets_go_may_point() -> None:
+    """The follower only points up, where its shoulder bears little; the leader turns by 3 rad."""
+    up = ["slave.axes.shoulder.position_range=[1.4, 1.5]"]
+    up += [f"simulation.axes.{side}.shoulder.start_position=1.45" for side in ("master", "slave")]
+    found = [greatest_loads(leader(*up, *more), "master") for more in ([], ["operate=null"])]
+    stretched = 0.49  # N m, the leader's own
+    theirs = greatest_loads(leader(), "slave")["slave.shoulder"]
+    assert found[0]["master.shoulder"] == pytest.approx(stretched + theirs, rel=0.05)
+    assert found[1]["master.shoulder"] < 0.7 * found[0]["master.shoulder"]
 
 
 def test_a_leader_with_payloads_of_its_own_still_feels_the_follower() -> None:

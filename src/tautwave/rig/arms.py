@@ -131,8 +131,6 @@ def felt_ranges(rig: Rig) -> dict[str, tuple[float, float]]:
             first, last = rig.axes[master].position_range or (-turn, turn)
             more = rig.coupling.pairs[slave.partition(".")[2]].position_scale * (last - first)
             low, high = low - more, high + more
-            if arm is not None and rig.axes[slave].kind == "rotary" and high - low > 2 * math.pi:
-                low, high = -math.pi, math.pi
         found[slave] = (low, high)
     return found
 
