@@ -167,6 +167,34 @@ def test_what_moves_while_the_devices_are_reset_is_in_no_book() -> None:
     assert books[3]["load.slave.a.effort"] == pytest.approx(3.0)
 
 
+def test_an_axis_in_fault_gets_nothing_and_what_falls_meanwhile_is_in_no_book() -> None:
+    p = LoadParams(-3.0, 0.0, 0.0)
+    axes = [CarriedAxis(f"slave.{name}", 10.0, np.inf, 0.0, 0, 0.0) for name in "ab"]
+    side = SideLoad(
+        "slave",
+        axes,
+        lambda x: ([-load_effort(p, at) for at in x], sum(load_energy(p, at) for at in x)),
+    )
+    books = []
+    for k, (x, y) in enumerate([(0.0, 0.0), (0.1, 0.1), (0.2, -0.4), (0.2, -0.9), (0.3, -0.8)]):
+        for which, at in enumerate((x, y)):
+            side.pass_slots(which, 1)
+            side.take(which, at)
+        if k in (1, 2):
+            side.rest(1)
+        else:
+            side.effort(1)
+        assert side.effort(0) == pytest.approx(3.0)
+        row = [0.0] * len(side.columns)
+        side.fill(row, 0)
+        books.append(dict(zip(side.columns, row, strict=True)))
+    assert [row["load.slave.b.effort"] for row in books] == pytest.approx([3.0, 0.0, 0.0, 0.0, 3.0])
+    # What it got, it got before its fault.
+    assert books[-1]["load.slave.b.energy"] == pytest.approx(-0.3)
+    assert books[3]["load.slave.leak"] == pytest.approx(0.0, abs=1e-12)
+    assert books[-1]["load.slave.given"] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_it_slews_clips_and_keeps_to_the_drives_steps() -> None:
     p = LoadParams(-3.0, 0.0, 0.0)
     inner, side = carry([0.0] * 4, p, step=1.2, reserve=2.0, quantum=0.5)

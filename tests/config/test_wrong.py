@@ -49,9 +49,7 @@ def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such file$"):
         load_rig(tmp_path / "nowhere.yaml")
     for name in ("planar", "planar.yaml"):
-        with pytest.raises(
-            ConfigError, match="`tautwave example arms/planar` copies it here"
-        ):
+        with pytest.raises(ConfigError, match="`tautwave example arms/planar` copies it here"):
             load_rig(tmp_path / name)
 
 

@@ -85,6 +85,21 @@ def test_a_person_has_the_devices_reset_and_engages_again(data: Tree, words: str
     assert np.abs(done.residual()).max() <= 1e-11
 
 
+def test_a_servo_in_fault_carries_no_load_until_it_is_reset() -> None:
+    data = servo_tree({"kind": "overload", "at_s": 0.5, "id": 2}, reboot=True)
+    data["slave"]["axes"]["a"]["load"] = {"constant": -0.05}
+    done = operated(data, AGAIN, 2.0)
+    assert done.result.error is None
+    time_s, state = done.columns["time_s"], done.columns["operation.state"]
+    effort = done.columns["load.slave.a.effort"]
+    fault = float(time_s[np.flatnonzero(state == 4)[0]])
+    assert 0.5 <= fault < 0.6
+    assert effort[(time_s > 0.1) & (time_s < 0.5)] == pytest.approx(0.05, rel=0.1)
+    assert not effort[(time_s > fault + 0.01) & (time_s < 0.8)].any()
+    assert effort[-1] == pytest.approx(0.05, rel=0.1)
+    assert np.abs(done.residual()).max() <= 1e-11
+
+
 def test_what_is_not_there_stays_held_and_says_why() -> None:
     done = operated(servo_tree(REMOVED[0]), "0.1 engage\n0.8 rest\n1.0 rest\n1.2 engage", 1.5)
     assert done.result.error is None

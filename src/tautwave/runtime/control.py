@@ -24,7 +24,7 @@ from tautwave.controller.steps import ALONE, Law
 from tautwave.controller.stops import AxisName, StopPlace, stop_error, stop_place
 from tautwave.errors import DeviceFault, TautwaveError
 from tautwave.runtime.wire import Wire
-from tautwave.types import AxisCommand, JointState
+from tautwave.types import SAFE_COMMAND, AxisCommand, JointState
 
 
 class Control(ABC):
@@ -72,6 +72,8 @@ class Control(ABC):
         self.columns: list[str] = []
         self.trim_ns = 0
         self.wants_reset = False
+        self.dead: set[int] = set()
+        """Axes whose device is in fault: they get their safe command, whatever they weigh."""
         self._complaint = ""
         begin_run(run, self.state, params, self.axes)
 
@@ -137,6 +139,8 @@ class Control(ABC):
 
     def command(self, which: int) -> AxisCommand:
         """Return the command of an axis for its driver."""
+        if which in self.dead:
+            return SAFE_COMMAND
         value = self.axes[which].command
         return AxisCommand(value, 0.0) if self.quick[which].impedance else AxisCommand(0.0, value)
 

@@ -90,6 +90,8 @@ class SideLoad:
         self._potential = 0.0
         self._least = 0.0
         self._stale = True
+        self._resting: set[int] = set()
+        self._leak = 0.0  # as of the last update
         self.columns = [
             f"load.{axis.name}.{what}" for axis in axes for what in ("effort", "energy")
         ]
@@ -106,6 +108,7 @@ class SideLoad:
         self._acted[which] = self._sum[which] = 0.0
         self._slots[which] = 0
         self._start = None
+        self._resting.discard(which)
         if self._felt is not None:
             self._felt.drop()
 
@@ -142,6 +145,7 @@ class SideLoad:
             self._stale = False
             if all(self._known):
                 self._update()
+        self._resting.discard(which)
         return self._effort[which]
 
     def take_up(self, payload: str) -> str:
@@ -200,6 +204,7 @@ class SideLoad:
     def rest(self, which: int) -> None:
         """Nothing is sent to an axis: it gets its safe command."""
         self._effort[which] = 0.0
+        self._resting.add(which)
 
     def _update(self) -> None:
         axes = self.axes
@@ -219,13 +224,18 @@ class SideLoad:
         for which, axis in enumerate(axes):
             last = self._effort[which]
             change = clamp(clamp(wanted[which], axis.reserve) - last, axis.step)
-            self._effort[which] = truncate(last + change, axis.quantum)
+            effort = truncate(last + change, axis.quantum)
+            self._effort[which] = 0.0 if which in self._resting else effort
         _, potential = self._weigh(self._x)
         if self._start is None:
             # What moved while the devices were reset is no work of theirs.
             self._start = potential - self._changed - self._potential
+        elif self._resting:
+            # Nor what moved while one of them got no effort, and may have fallen.
+            self._start = potential - self._changed + sum(self._energy) - self._leak
         self._potential = potential - self._start - self._changed
-        self._least = min(self._least, self.leak)
+        self._leak = self.leak
+        self._least = min(self._least, self._leak)
 
     @property
     def leak(self) -> float:

@@ -85,7 +85,6 @@ class OperatedControl(CoupledControl):
         self.granted = 0.0
         """[J] What all holds so far might supply together."""
         self._suspect = self._coupled = False
-        self._dead: set[int] = set()
         self._now = self._command = 0
         self._latency = max((p.delay for p in plain.params), default=0) + 2
         self.columns += STATE_COLUMNS
@@ -151,7 +150,7 @@ class OperatedControl(CoupledControl):
                 s, p = self.axes[which], self._free[which]
                 effort = 0.0
                 free = state == st.IDLE or (state == st.CLUTCHED and which == q.master)
-                free = free or which in self._dead
+                free = free or which in self.dead
                 if self.samples[which].valid and not free and not alignment.let_go:
                     pull = alignment.pulls.get(k) if which == q.slave else None
                     effort = (
@@ -327,7 +326,7 @@ class OperatedControl(CoupledControl):
         self._now = slot
         self._suspect = True
         if which >= 0:
-            self._dead.add(which)
+            self.dead.add(which)
         self._event(st.FAULT, sentence)
         return False
 
@@ -348,7 +347,7 @@ class OperatedControl(CoupledControl):
         self._bank()
         self._clear_energies()
         self._suspect = False
-        self._dead.clear()
+        self.dead.clear()
         self._seated = [False] * len(self._seated)
         drop_commands(self)
         self.standing = st.Standing()

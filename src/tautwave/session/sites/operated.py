@@ -335,7 +335,7 @@ class OperatedSite(SiteControl):
         self._slot = slot
         self._suspect = True
         if which >= 0:
-            self._meeting.rest.dead.add(which)
+            self.dead.add(which)
         self._event(st.FAULT, sentence)
         return False
 
@@ -352,7 +352,7 @@ class OperatedSite(SiteControl):
             self._event(st.FAULT, f"the devices have not recovered: {refusal}")
             return
         self._suspect = False
-        self._meeting.rest.dead.clear()
+        self.dead.clear()
         self._count_anew()
         self._meeting.rest.unseat()
         drop_commands(self)

@@ -69,8 +69,6 @@ class Rest:
         self._taken = [0.0] * len(own)
         self.free = False
         """Whether nothing holds the axes."""
-        self.dead: set[int] = set()
-        """Places of axes whose device is in fault: they get no effort."""
 
     def begin(self, *, seated: bool) -> None:
         """Begin to rest: to hold; `seated`: the axes have been measured before."""
@@ -178,7 +176,7 @@ class Rest:
         for k, i in enumerate(self._own):
             s, p = control.axes[i], self._params[i]
             effort = 0.0
-            free = self.free or self._let_go or i in self.dead
+            free = self.free or self._let_go or i in control.dead
             if control.samples[i].valid and not free:
                 pull = None if ending else self._pulls.get(k)
                 effort = self.holds.effort(i, slot, s, p) if pull is None else pull.effort(s)
