@@ -224,6 +224,19 @@ def test_after_a_clutch_the_hand_feels_what_the_slave_weighs_where_it_stands(sca
     assert table["load.master.given"][-1] < 1e-5
 
 
+def test_it_is_ramped_no_faster_than_efforts_may_change() -> None:
+    rig = load_rig(BENCH, [*RIG, "master.axes.lever.effort_rate_limit=0.05"])
+    sides, _ = side_loads(rig, declared_delays(rig))
+    master = sides[0]
+    pass_slot(master, 0.3)
+    master.engage({"lever": 0.4})
+    efforts = [pass_slot(master, 0.3) for _ in range(2500)]
+    params = LoadParams(0.0, 0.0, -0.05)
+    assert efforts[-1] == pytest.approx(load_effort(params, 0.7))
+    assert max(abs(np.diff(efforts))) < 0.5 * 0.05 * rig.period_s
+    assert abs(books(master)["load.master.leak"]) < 1e-12
+
+
 def test_check_states_what_an_engagement_may_supply() -> None:
     rig = load_rig(BENCH, list(RIG))
     found = load_element(rig, "master.lever", declared_delays(rig), 0.0)

@@ -75,7 +75,7 @@ def side_loads(
                 {payload: _chain_weighing(one) for payload, one in others.items()},
                 max(1, round(TAKEN_UP_S * rig.rate_hz), slowest),
                 max(1, round(UNDONE_S * rig.rate_hz), slowest),
-                _felt_load(rig) if side == "master" else None,
+                _felt_load(rig, axes) if side == "master" else None,
             )
         )  # fmt: skip
         seats.update({name: (sides[-1], which) for which, name in enumerate(names)})
@@ -101,7 +101,7 @@ def _weighing(rig: Rig, side: str) -> Weighing:
     return weigh
 
 
-def _felt_load(rig: Rig) -> FeltLoad | None:
+def _felt_load(rig: Rig, axes: Sequence[CarriedAxis] = ()) -> FeltLoad | None:
     """Return what the hand feels of the slave's loads, None if nothing."""
     felt = felt_axes(rig)
     if not felt:
@@ -117,7 +117,8 @@ def _felt_load(rig: Rig) -> FeltLoad | None:
             at = names.index(master)
             powers.append(scale.power)
         places.append(FeltPlace(name, at, scale.sign * scale.scale, offset or 0.0))
-    ramp = max(1, round(TAKEN_UP_S * rig.rate_hz))
+    slowest = max((math.ceil(axis.reserve / axis.step) for axis in axes), default=1)
+    ramp = max(1, round(TAKEN_UP_S * rig.rate_hz), slowest)
     weigh, level = _own_weighing(rig, "slave"), 0.0
     if rig.operate is not None:  # in the middle: there a ramp puts nothing in, wherever the zero is
         ranges = felt_ranges(rig)
