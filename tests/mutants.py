@@ -286,6 +286,17 @@ class Judge:
         for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:
             del sys.modules[name]  # the children import the copy's
 
+    def check(self, tests: list[str]) -> None:
+        """Run tests on unchanged sources: where these do not pass, everything looks killed.
+
+        Raises
+        ------
+        SystemExit
+            They do not.
+        """
+        if status := self._run(tests, COMPILE_S):
+            raise SystemExit(f"{tests[0]}: does not pass on unchanged sources (pytest: {status})")
+
     def judge(self, mutant: Mutant, tests: list[str], limit_s: float) -> str:
         """Return `survived`, `killed (how pytest ended)` or `no test`."""
         if not tests:
@@ -313,7 +324,7 @@ class Judge:
                 for stream in range(3):
                     os.dup2(nowhere, stream)
                 resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s), int(limit_s) + 5))
-                code = pytest.main(["-xqn0", "-m", MARKED, *QUIETLY, *tests])
+                code = pytest.main(["-x", "-q", "-n0", "-m", MARKED, *QUIETLY, *tests])
             finally:
                 os._exit(code)
         end = time.monotonic() + 10.0 * limit_s
@@ -355,6 +366,7 @@ def run(seed: int, count: int, out: Path, only: tuple[str, ...], first: int) -> 
     took, equivalent = times(), equivalents()
     with out.open("a", encoding="utf-8") as kept:
         judge = Judge(MAP.with_name("room"))
+        judge.check([min(took, key=lambda name: took[name])])
         for mutant in drawn(seed, count)[first:]:
             judged = done.get(tuple(mutant), "").startswith("killed")
             if judged or not mutant.path.startswith(only):

@@ -25,7 +25,10 @@ def test_an_arm_is_certified_with_what_its_joints_have() -> None:
     found = elements(PLANAR)
     assert all(element.passive.passed for element in found.values())
     assert found["tip of hand"].passive.conditions
-    assert found["wall disc of hand"].numbers["noise_w"] > 0.0
+    # 800 N/m, 1 kHz, each joint's noise and its encoder step's a q^2 / 12
+    step = 1.0e-5**2 + 2.4e-5**2 / 12.0
+    watts = 800.0 * (0.34**2 + 0.16**2) * step * 1000.0
+    assert found["wall disc of hand"].numbers["noise_w"] == pytest.approx(watts, rel=0.01)
     # Stretched out the tip is 0.34 m from the shoulder, and always 0.16 m from the elbow: 8 N.
     most = 8.0 * (0.34 + 0.16) * 20.0 / 1000.0
     assert most <= found["wall disc of hand"].numbers["stalled_j"] < 1.25 * most

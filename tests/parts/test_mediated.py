@@ -12,8 +12,10 @@ import pytest
 from tautwave.bench.couplings.measure import run_coupling, stated_bound
 from tautwave.bench.couplings.rigs import BENCH, RIG, _between, drawn_rig
 from tautwave.certificate import certify
+from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.config.load import parse_rig
+from tautwave.session.facts import pair_facts
 from tautwave.simulation import simulate
 
 WALL = 0.03
@@ -101,3 +103,17 @@ def test_no_drawn_rig_gives_more_than_its_bound() -> None:
         drawn = drawn_rig(seed, account=True, seconds=0.08, law=drawn_mediated)
         found = run_coupling(drawn, bound=stated_bound(drawn), engine="python")
         assert found.excess <= 0.0, f"seed {seed}"
+
+
+@pytest.mark.parametrize(
+    ("keys", "offset"),
+    [
+        ({"stiffness": 80.0, "force_gain": 0.0}, 1.0 / 80.0),
+        ({"stiffness": 80.0, "force_gain": 0.5}, 0.0),  # the slave presses by itself
+        ({"stiffness": 0.0, "force_gain": 0.0}, 0.0),  # and nothing holds it to the master
+    ],
+)
+def test_the_pair_stands_apart_by_the_slaves_spring(keys: dict[str, Any], offset: float) -> None:
+    made = rig(**keys)
+    facts = pair_facts(made, "lever", declared_delays(made))
+    assert facts.offset_per_effort == pytest.approx(offset)

@@ -44,6 +44,15 @@ def test_without_sampling_the_modes_are_those_of_the_two_masses():
     assert ideal_modes(resonator(), HAND) == pytest.approx(want, rel=1e-9)
 
 
+def test_a_device_whose_handle_moves_the_scene_scaled_has_the_modes_of_both():
+    """At scale s the handle's coordinate is s times the device's: c becomes s^2 c and s c."""
+    s, c, M, R, w = 2.5, 3000.0, 0.004, 0.01, 14200.0
+    one = np.array([HAND.mass, HAND.damping, HAND.stiffness + s * s * c])
+    poles = np.roots(np.polysub(np.polymul(one, np.array([M, R, w + c])), [s * s * c * c]))
+    want = sorted((z for z in poles if z.imag > 0.0), key=abs)
+    assert ideal_modes(resonator(), HAND._replace(scale=s)) == pytest.approx(want, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("scheme", "period", "delay"),
     [
