@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from tautwave.contracts import Row
-from tautwave.models.chain.motion import Flows, chain_step, kinetic_energy, place_chain
+from tautwave.models.chain.motion import Acting, Flows, chain_step, kinetic_energy, place_chain
 from tautwave.models.load import LoadParams, load_effort, load_energy
 from tautwave.models.plant import plant_forces, plant_stored
 from tautwave.models.plant_params import PlantParams
@@ -129,15 +129,17 @@ class ArmPhysics:
         if not all(joint.asked for joint in self._joints):
             return
         asked = [joint.asked.pop(0) for joint in self._joints]
-        efforts, references, rates, spans = (list(part) for part in zip(*asked, strict=True))
+        acting = [Acting(effort, reference, rate) for effort, reference, rate, _ in asked]
+        span = asked[0][3]
         if self.outside is not None:
-            pushed = self.outside.efforts(self._x, self._v, spans[0])
-            efforts = [a + b for a, b in zip(efforts, pushed, strict=True)]
+            pushed = self.outside.efforts(self._x, self._v, span)
+            acting = [
+                one._replace(effort=one.effort + b) for one, b in zip(acting, pushed, strict=True)
+            ]
         guess = [2.0 * v - old for v, old in zip(self._v, self._before, strict=True)]
         x, v, flows, self._place = chain_step(
-            self._chain, self._plants, self._place, self._x, self._v, guess,
-            efforts, references, rates, spans[0],
-        )  # fmt: skip
+            self._chain, self._plants, self._place, self._x, self._v, guess, acting, span
+        )
         self._before, self._x, self._v = self._v, x, v
         for joint, at, speed, flow in zip(self._joints, x, v, flows, strict=True):
             joint.take(at, speed, flow)

@@ -12,6 +12,7 @@ import pytest
 from tautwave.models.chain.build import Body, Link, build_chain
 from tautwave.models.chain.motion import (
     HALVINGS,
+    Acting,
     Flows,
     chain_step,
     kinetic_energy,
@@ -22,6 +23,7 @@ from tautwave.models.plant import plant_cache, plant_step
 from tautwave.models.plant_params import PlantParams
 from tests.models.chain.drawn import draw_chain
 
+ALONE = Acting(0.0, 0.0, 0.0)
 BARE = PlantParams(0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 HELD = BARE._replace(viscous=0.05, coulomb=0.3, grip_stiffness=30.0, grip_damping=0.3)
 TOUCHING = HELD._replace(wall_stiffness=800.0, wall_damping=0.8, wall_position=0.35)
@@ -40,7 +42,6 @@ def run(chain: ChainParams, plant: PlantParams, steps: int, h: float, **held: An
     x, v = [0.1 * i for i in range(count)], [0.5] * count
     before = list(v)
     reference, rate = held.get("reference", 0.2), held.get("rate", 0.0)
-    efforts = [held.get("effort", 0.1)] * count
     halvings = held.get("halvings", HALVINGS)
     here = place_chain(chain, plants, x)
     start = kinetic_energy(here.matrix, v) + here.potential
@@ -50,10 +51,8 @@ def run(chain: ChainParams, plant: PlantParams, steps: int, h: float, **held: An
     for _ in range(steps):
         guess = [2.0 * new - old for new, old in zip(v, before, strict=True)]
         before = v
-        references, rates = [reference] * count, [rate] * count
-        x, v, flows, here = chain_step(
-            chain, plants, here, x, v, guess, efforts, references, rates, h, halvings
-        )
+        acting = [Acting(held.get("effort", 0.1), reference, rate)] * count
+        x, v, flows, here = chain_step(chain, plants, here, x, v, guess, acting, h, halvings)
         reference += rate * h
         for flow in flows:
             total = [a + b for a, b in zip(total, flow, strict=True)]
@@ -116,12 +115,12 @@ def test_each_half_of_a_step_is_led_by_its_own_part_of_the_reference() -> None:
 
 def spun(seed: int, speed: float, h: float, steps: int, **more: int) -> Any:
     """Return the speeds of three light joints that spin freely, the matrix there, and energies."""
-    chain, plants, none = chain_of(seed, 3), (BARE._replace(mass=1e-3),) * 3, [0.0] * 3
+    chain, plants, none = chain_of(seed, 3), (BARE._replace(mass=1e-3),) * 3, [ALONE] * 3
     x, v = [0.0, 0.1, 0.2], [speed, -speed, speed]
     here = place_chain(chain, plants, x)
     energies = []
     for _ in range(steps):
-        x, v, _, here = chain_step(chain, plants, here, x, v, v, none, none, none, h, **more)
+        x, v, _, here = chain_step(chain, plants, here, x, v, v, none, h, **more)
         energies.append(kinetic_energy(here.matrix, v) + here.potential)
     return v, here.matrix, energies
 
@@ -176,9 +175,8 @@ def test_one_weightless_joint_is_the_exact_plant() -> None:
     here = place_chain(chain, (p,), at)
     for k in range(2000):
         x, v, mode, *_ = plant_step(whole, cache, x, v, mode, 0.1, 1e-4 * k * 0.3, 0.3, 1e-4)
-        at, speed, _, here = chain_step(
-            chain, (p,), here, at, speed, speed, [0.1], [1e-4 * k * 0.3], [0.3], 1e-4
-        )
+        acting = [Acting(0.1, 1e-4 * k * 0.3, 0.3)]
+        at, speed, _, here = chain_step(chain, (p,), here, at, speed, speed, acting, 1e-4)
     assert at[0] == pytest.approx(x, abs=1e-7)
     assert speed[0] == pytest.approx(v, abs=1e-5)
 
@@ -192,7 +190,7 @@ def test_friction_holds_what_weighs_less_and_lets_go_what_weighs_more() -> None:
         x, v = [0.0], [0.0]
         for _ in range(20):
             here = place_chain(chain, (p,), x)
-            x, v, flows, _ = chain_step(chain, (p,), here, x, v, v, [0.0], [0.0], [0.0], 1e-3)
+            x, v, flows, _ = chain_step(chain, (p,), here, x, v, v, [ALONE], 1e-3)
         assert (x[0] != 0.0) == moves
     assert flows[0].coulomb_loss == pytest.approx(p.coulomb * v[0] * 1e-3, rel=0.1)
     assert math.copysign(1.0, x[0]) == 1.0  # about +y what sticks out along x falls to +
@@ -212,10 +210,11 @@ def test_it_accelerates_as_pinocchio_says() -> None:
     model.armature = np.full(5, BARE.mass)
     q, v = [0.3, -0.4, 0.2, 0.5, -0.1], [0.6, -0.2, 0.4, 0.3, -0.5]
     effort = [0.5, -0.3, 0.2, 0.1, 0.4]
+    acting = [ALONE._replace(effort=one) for one in effort]
     wanted = pin.aba(model, model.createData(), np.array(q), np.array(v), np.array(effort))
     plants = (BARE,) * 5
     h = 1e-6
     here = place_chain(chain, plants, q)
-    _, after, _, _ = chain_step(chain, plants, here, q, v, v, effort, [0.0] * 5, [0.0] * 5, h)
+    _, after, _, _ = chain_step(chain, plants, here, q, v, v, acting, h)
     found = [(a - b) / h for a, b in zip(after, v, strict=True)]
     assert found == pytest.approx(list(wanted), rel=1e-3, abs=1e-3)

@@ -60,6 +60,17 @@ class Placed(NamedTuple):
     potential: float
 
 
+class Acting(NamedTuple):
+    """What acts on a joint from outside over a step: its motor, and its hand's moving reference.
+
+    `effort` [N m or N]; `reference` [rad or m] is that at the start, `rate` its speed.
+    """
+
+    effort: float
+    reference: float
+    rate: float
+
+
 class Flows(NamedTuple):
     """Energy of one joint over a step [J], and what its hand and contact lose."""
 
@@ -113,9 +124,7 @@ def chain_step(
     x: list[float],
     v: list[float],
     guess: list[float],
-    efforts: list[float],
-    references: list[float],
-    rates: list[float],
+    acting: list[Acting],
     h: float,
     halvings: int = HALVINGS,
 ) -> Moved:
@@ -138,10 +147,8 @@ def chain_step(
         Positions [rad or m] and speeds.
     guess : list of float
         Speeds to begin the iteration with.
-    efforts : list of float
-        Of the motors [N m or N].
-    references, rates : list of float
-        The hands' reference positions at the start, and their speeds over the step.
+    acting : list of Acting
+        On each joint.
     halvings : int
         How often the step may be halved.
 
@@ -150,17 +157,16 @@ def chain_step(
     Moved
         Of a step in halves the energies are those of both.
     """
-    moved, share = _tried(c, plants, here, x, v, guess, efforts, references, rates, h)
+    moved, share = _tried(c, plants, here, x, v, guess, acting, h)
     if _closed(here, v, moved, share):
         return moved
     if halvings == 0:
         return _cut(here, v, moved)
     h = 0.5 * h
-    first = chain_step(c, plants, here, x, v, v, efforts, references, rates, h, halvings - 1)
-    ahead = [a + h * rate for a, rate in zip(references, rates, strict=True)]
-    last = chain_step(
-        c, plants, first.place, first.x, first.v, first.v, efforts, ahead, rates, h, halvings - 1
-    )
+    first = chain_step(c, plants, here, x, v, v, acting, h, halvings - 1)
+    later = [one._replace(reference=one.reference + h * one.rate) for one in acting]
+    place, x, v = first.place, first.x, first.v
+    last = chain_step(c, plants, place, x, v, v, later, h, halvings - 1)
     flows = [
         Flows(*(a + b for a, b in zip(one, other, strict=True)))
         for one, other in zip(first.flows, last.flows, strict=True)
@@ -199,9 +205,7 @@ def _tried(
     x: list[float],
     v: list[float],
     guess: list[float],
-    efforts: list[float],
-    references: list[float],
-    rates: list[float],
+    acting: list[Acting],
     h: float,
 ) -> tuple[Moved, float]:
     """Return one step as the best iterate has it, and the factor s that it was found with."""
@@ -224,7 +228,7 @@ def _tried(
         matrix = [(2.0 + share) * m for m in half]
         right = [0.0] * count
         for i in range(count):
-            held, slope = _external(plants[i], x[i], end[i], efforts[i], references[i], rates[i], h)
+            held, slope = _external(plants[i], acting[i], x[i], end[i], h)
             row = 0.0
             for j in range(count):
                 row += half[i * count + j] * v[j]
@@ -244,10 +248,7 @@ def _tried(
     mean = best
     end = [a + h * w for a, w in zip(x, mean, strict=True)]
     speeds = [2.0 * w - a for w, a in zip(mean, v, strict=True)]
-    flows = [
-        _flows(plants[i], x[i], end[i], mean[i], efforts[i], references[i], rates[i], h)
-        for i in range(count)
-    ]
+    flows = [_flows(plants[i], acting[i], x[i], end[i], mean[i], h) for i in range(count)]
     return Moved(end, speeds, flows, place_chain(c, plants, end)), bends
 
 
@@ -294,16 +295,9 @@ def _wall(p: PlantParams, x: float, end: float) -> float:
     return 0.5 * p.wall_stiffness * (deep * deep - before * before) / (last - first)
 
 
-def _external(
-    p: PlantParams,
-    x: float,
-    end: float,
-    effort: float,
-    reference: float,
-    rate: float,
-    h: float,
-) -> tuple[float, float]:
+def _external(p: PlantParams, on: Acting, x: float, end: float, h: float) -> tuple[float, float]:
     """Return a joint's mean effort without motion, and how it falls with the mean speed."""
+    effort, reference, rate = on
     held = effort + p.grip_stiffness * (reference + 0.5 * h * rate - x) + p.grip_damping * rate
     slope = 0.5 * h * (p.grip_stiffness + p.spring_stiffness) + p.grip_damping + p.viscous
     if p.spring_stiffness > 0.0:
@@ -337,16 +331,8 @@ def _push(p: PlantParams, x: float, end: float, h: float) -> tuple[float, float]
     return push, rise + 0.5 * p.wall_stiffness * grown / (way * way)
 
 
-def _flows(
-    p: PlantParams,
-    x: float,
-    end: float,
-    mean: float,
-    effort: float,
-    reference: float,
-    rate: float,
-    h: float,
-) -> Flows:
+def _flows(p: PlantParams, on: Acting, x: float, end: float, mean: float, h: float) -> Flows:
+    effort, reference, rate = on
     moved = end - x
     ahead = reference + 0.5 * h * rate - 0.5 * (x + end)
     slip = rate - mean
