@@ -46,7 +46,7 @@ def test_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 OFFLINE = ("docs/gallery.md",)
-"""Their slow blocks need no real clock."""
+"""Their slow blocks need no real clock, but most of a minute."""
 
 
 @pytest.mark.slow
@@ -54,7 +54,9 @@ OFFLINE = ("docs/gallery.md",)
 @pytest.mark.parametrize(
     "path",
     [
-        pytest.param(page, marks=() if _name(page) in OFFLINE else pytest.mark.realtime)
+        pytest.param(
+            page, marks=pytest.mark.long if _name(page) in OFFLINE else pytest.mark.realtime
+        )
         for page in PAGES
         if any(block.note.startswith("slow") for block in blocks(page))
     ],
