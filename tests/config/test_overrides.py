@@ -118,6 +118,11 @@ def test_a_right_value_replaces_a_wrong_one() -> None:
             "coupling.pairs.wrist.wall_slave.stiffness: Input should be greater than 0 (got -1)",
         ),
         (
+            "slave.axes.wrist.load={sine:-0.05}",
+            'slave.axes.wrist.load."sine:-0.05": unknown key '
+            "'sine:-0.05'; write a space after the colon",
+        ),
+        (
             "rate_hz.fast=1",
             "rate_hz is 1000 and has no keys below it; set rate_hz as a whole, "
             "such as rate_hz={key: value}",

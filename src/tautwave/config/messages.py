@@ -105,6 +105,8 @@ def _meant(place: Place) -> list[str]:
 def unknown_key(word: str, model: type[BaseModel]) -> str:
     """Return the message about a key that `model` does not have."""
     keys = _keys(model)
+    if (key := word.partition(":")[0]) in keys and key != word:
+        return f"unknown key {word!r}; write a space after the colon"
     if not keys:
         return f"unknown key {word!r}; no keys are allowed here"
     return f"unknown key {word!r}{nearest(word, keys) or '.'} Allowed: {', '.join(keys)}"
