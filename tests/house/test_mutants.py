@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.mutants import mutants_of
+from tests.mutations import mutants_of
 
 SOURCE = '''
 """A docstring, 1 + 1."""
