@@ -100,7 +100,12 @@ def test_an_admittance_port_needs_its_bound_and_a_prompt_drive() -> None:
     assert "reaches its velocity within one period" in prompt.passive.conditions[0]
     damped = "simulation.environment.lever={type: wall, position: 0.1, stiffness: 1, damping: 0.1}"
     found = element(certified(f"{key}=1.0e-4", damped, name=name), "slave.lever port")
+    assert not found.passive.passed
     assert "the proof assumes a pure spring as environment" in found.passive.reason
+    late = "buses.arm.options.command_delay_s=4.0e-4"
+    found = element(certified(f"{key}=1.0e-4", late, name=name), "slave.lever port")
+    assert not found.passive.passed
+    assert "act 0.4 ms later than a whole number of periods" in found.passive.reason
     bound = "slave.axes.lever.environment_stiffness_upper"
     for value, words in (("0", "no guarantee"), ("0.5", "has 1 N m/rad, more than")):
         found = element(

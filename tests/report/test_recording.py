@@ -92,6 +92,7 @@ def test_the_summary_lets_a_viewer_seek(sample: Sample) -> None:
         assert statistics is not None
         assert statistics.message_count == 2500
         assert statistics.chunk_count == len(summary.chunk_indexes) == -(-2500 // per_chunk)
+        assert (statistics.attachment_count, statistics.metadata_count) == (1, 2)
         assert statistics.message_start_time == EPOCH_NS
         assert statistics.message_end_time == EPOCH_NS + 2_499_000_000
         assert all(index.uncompressed_size <= 64 * 1024 for index in summary.chunk_indexes)

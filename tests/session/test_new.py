@@ -24,6 +24,8 @@ from tautwave_drivers.canopen import plugin as canopen
 from tautwave_drivers.canopen.scan import ScanOptions as CanScan
 from tautwave_drivers.dynamixel.plugin import plugin as dynamixel
 from tautwave_drivers.dynamixel.scan import ScanOptions
+from tautwave_drivers.modbus.plugin import plugin as modbus
+from tautwave_drivers.modbus.scan import ScanOptions as ModbusScan
 
 pytestmark = pytest.mark.realtime
 
@@ -207,6 +209,23 @@ def test_a_drives_own_numbers_are_taken() -> None:
     assert device.axis["velocity_limit"].value == pytest.approx(62.8)  # 3000 rpm behind the gear
     assert any("node 6 sends" in note for note in found.notes)
     assert not any("guess" in note for note in found.notes)
+
+
+def test_modbus_drives_of_known_profiles_are_taken_and_others_named() -> None:
+    assert modbus.survey is not None
+    rows = [
+        {"endpoint": "tcp://one:502", "unit": 1, "profile": "dsy-rs"},
+        {"endpoint": "tcp://two:502", "unit": 7, "profile": "dsy-rs"},
+        {"endpoint": "tcp://two:502", "unit": 8, "profile": None},
+        {"endpoint": "tcp://two:502", "unit": None},
+    ]
+    (found,) = modbus.survey.propose(ModbusScan(), rows)
+    assert [device.id for device in found.devices] == [1, 7]
+    assert ["endpoint" in device.options for device in found.devices] == [False, True]
+    left_out = [note for note in found.notes if "left out" in note]
+    assert len(left_out) == 1
+    assert left_out[0].startswith("tcp://two:502, unit 8, fits no profile")
+    assert not modbus.survey.propose(ModbusScan(), rows[2:])
 
 
 def test_a_line_that_does_not_open_is_reported_beside_those_that_do(tmp_path: Path) -> None:
