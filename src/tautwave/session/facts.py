@@ -118,9 +118,13 @@ def load_facts(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str,
             pair = name.partition(".")[2]
             rotary = rig.axes[name].kind == "rotary"
             unit, place = ("N m", "rad") if rotary else ("N", "m")
-            text = f"up to {most:.3g} {unit} in its range, of {rig.axes[name].effort_limit:g}"
+            limit = rig.axes[name].effort_limit
+            text = f"up to {most:.3g} {unit} in its range, of {limit:g}"
             if name in felt:
-                text += f"; with what {felt[name]} weighs, which the hand feels (reflect_load)"
+                text = (
+                    f"up to {most:.3g} {unit}, of {limit:g}, with what {felt[name]} weighs, which "
+                    "the hand feels (reflect_load)"
+                )
             elif pair in rig.coupling.pairs:
                 each = load_offset(rig, name, delays)
                 would = (
