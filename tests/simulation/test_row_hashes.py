@@ -43,7 +43,16 @@ def test_rows_stay_as_they_are(case: Case) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [case for case in cases() if case not in SMALL], ids=str)
+@pytest.mark.parametrize(
+    "case",
+    [
+        # Of those compiled, which take a minute and more together, the fast rigs' are in `SMALL`.
+        pytest.param(case, marks=pytest.mark.long if case.engine == "compiled" else ())
+        for case in cases()
+        if case not in SMALL
+    ],
+    ids=str,
+)
 def test_rows_of_every_rig_stay_as_they_are(case: Case) -> None:
     compare(case)
 
