@@ -16,6 +16,7 @@ import pytest
 
 from tautwave import read_recording
 from tautwave.bench.sites.order import free_port
+from tautwave.laws.counters import ENERGY_QUANTUM
 from tautwave.sites.certificates import make_authority
 from tautwave.sites.datagrams import open_socket
 from tautwave.sites.seal import Sealer
@@ -84,7 +85,8 @@ def test_both_end_together_and_their_books_close(
     subprocess.run(words, check=True)
     found = json.loads((tmp_path / "both" / "compare.json").read_text())
     pair = found["pairs"]["lever"]
-    assert pair["residual"] < 1e-9 * pair["gross_flow"]
+    # Counters of energy cross the line, in whole quanta: a short run has little flow beside them.
+    assert pair["residual"] < 1e-9 * pair["gross_flow"] + 8 * ENERGY_QUANTUM
     assert pair["under_way_at_end"] >= -2e-6  # the reserves of both receivers
     least, most = pair["under_way_least"]
     assert least <= most
