@@ -28,7 +28,7 @@ from tautwave_drivers.arm.walls import ArmWall
 
 POSTURES = 300
 MARGIN = 1.2
-"""What sampled slopes, efforts and speeds are taken times."""
+"""Factor on sampled slopes, efforts and speeds, for what lies between the samples."""
 
 STEP = 1e-4
 

@@ -106,7 +106,7 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
 
 
 def _felt_loads(rig: Rig) -> dict[str, float]:
-    """Return by the slave's axis the greatest load that the hand may feel [N m or N]."""
+    """Return the greatest load that the hand may feel [N m or N], by the slave's axis."""
     arm, ranges, found = rig.slave.arm, felt_ranges(rig), greatest_loads(rig, "slave")
     if arm is not None:
         most = greatest_weights(bare_chain(arm, arm.payload), tuple(ranges.values()))
@@ -116,10 +116,10 @@ def _felt_loads(rig: Rig) -> dict[str, float]:
 
 
 def felt_ranges(rig: Rig) -> dict[str, tuple[float, float]]:
-    """Return by the slave's axis the places whose load the hand may feel [rad or m].
+    """Return the range of places whose load the hand may feel [rad or m], by the slave's axis.
 
-    Those of its range; on an operated rig also those that a master reaches from there which moves
-    on while the weight fades.
+    That is its own range; on an operated rig it is wider by how far the master can move on while
+    the weight fades.
     """
     arm, pairs = rig.slave.arm, felt_axes(rig)
     given = [rig.axes[name].position_range or (-math.pi, math.pi) for name in pairs.values()]

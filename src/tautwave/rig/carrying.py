@@ -170,9 +170,9 @@ def _slowest(rig: Rig, side: str, axes: Sequence[CarriedAxis]) -> int:
 
 
 def _changes(rig: Rig, side: str) -> Iterator[tuple[list[float], float]]:
-    """Yield for each two payloads how far apart their efforts are, by axis [N m or N], and heights.
+    """Yield, for each pair of payloads, how far apart their efforts and potentials are.
 
-    Over the range, sampled.
+    Efforts by axis [N m or N], potentials as a swing [J]: over the range, sampled.
     """
     arm = getattr(rig, side).arm
     if arm is None or not arm.payloads:

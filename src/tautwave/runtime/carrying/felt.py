@@ -2,9 +2,9 @@
 
 The slave's potential V is taken at the place that the master's stands for, x_s = ratio x_m +
 offset, times a share. While the pair is coupled the share is 1 and the hand gets the gradient of
-V: around any loop nothing is left. While it is not, as with a clutch, the master stands for no
-place, and the share is 0; so a hand that clutches its way down gets no more than the slave's
-height. The share rises and falls over a ramp, and the offset changes at share 0 only; both change
+V, so no energy is left around any loop. While it is not, as with a clutch, the master stands for
+no place and the share is 0: a hand that clutches its way down gets no more energy than the slave
+loses in height. The share rises and falls over a ramp, and the offset changes at share 0 only; both change
 the potential by a number that is booked.
 """
 
