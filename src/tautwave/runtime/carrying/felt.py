@@ -4,8 +4,8 @@ The slave's potential V is taken at the place that the master's stands for, x_s 
 offset, times a share. While the pair is coupled the share is 1 and the hand gets the gradient of
 V, so no energy is left around any loop. While it is not, as with a clutch, the master stands for
 no place and the share is 0: a hand that clutches its way down gets no more energy than the slave
-loses in height. The share rises and falls over a ramp, and the offset changes at share 0 only; both change
-the potential by a number that is booked.
+loses in height. The share rises and falls over a ramp, and the offset changes at share 0 only;
+both change the potential by a number that is booked.
 """
 
 from __future__ import annotations
