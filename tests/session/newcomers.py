@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import chdir, contextmanager, suppress
@@ -21,6 +22,7 @@ from tautwave.view.watched import read_live
 
 TAUTWAVE = (sys.executable, "-c", "from tautwave.cli import main; main()")
 PATIENCE_S = 60.0
+SILENCE_S = 120.0
 END_S = 600.0
 """`calibrate` of six joints on each side moves one after another to identify it."""
 HEARTBEATS = ("      bitrate: ", "      heartbeat_timeout_ms: 2000\n      bitrate: ")
@@ -70,12 +72,17 @@ class Talk:
         self.child.stdin.flush()
 
     def hears(self, words: str) -> str:
-        """Read lines until one has these words."""
+        """Read lines until one has these words; after `SILENCE_S` the program is ended."""
         assert self.child.stdout is not None
-        for line in self.child.stdout:
-            self.heard.append(line)
-            if words in line:
-                return line
+        patience = threading.Timer(SILENCE_S, self.child.kill)
+        patience.start()
+        try:
+            for line in self.child.stdout:
+                self.heard.append(line)
+                if words in line:
+                    return line
+        finally:
+            patience.cancel()
         raise AssertionError(f"never said {words!r}: {''.join(self.heard)}")
 
     def end(self) -> None:

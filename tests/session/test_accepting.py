@@ -258,7 +258,7 @@ def whole_day(folder: Path, drives: Drives) -> dict[str, Any]:
         me.does("keys", "init", "keys")
         with me.talks(*words) as talk:
             no_torque(talk, hands, drives.ids)
-            talk.hears("pull the bus' cable now")
+            talk.hears("unplug the bus cable now")
             hands.child.kill()
             hands.child.wait()
             talk.hears("plug it in again")
@@ -302,7 +302,7 @@ def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
     talk.hears("are these your devices")
     talk.types()
     for one in ids:
-        talk.hears("by an angle")
+        talk.hears("a known angle and hold it")
         hands.types(f"{one} {KNOWN_RAD} 0.1")
         time.sleep(0.4)
         talk.types(f"{math.degrees(KNOWN_RAD):.3f}")
@@ -324,7 +324,7 @@ def with_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
         asked = talk.hears("it pulls with")
         hands.types(f"{ids[0]},{ids[1]} 0 0.1")  # the scale holds it
         talk.types()
-        talk.hears("what does the scale read")
+        talk.hears("scale reading in")
         talk.types(re.search(r"pulls with ([\d.]+)", asked)[1])  # type: ignore[index]
 
 
