@@ -11,11 +11,12 @@ from tautwave.models.chain.gravity import chain_gravity
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.task import COORDINATES
 from tautwave.registry import load_driver
-from tautwave.types import CommandDelay, Fault, JointState
+from tautwave.types import Fault, JointState
+from tautwave.wrapper import DriverWrapper, SlotCount
 from tautwave_drivers.arm.options import ArmOptions, coordinates, joint_bus
 
 
-class JointsBehind:
+class JointsBehind(DriverWrapper):
     """The joints of an arm on a bus of their own driver, and where they are.
 
     Parameters
@@ -32,18 +33,11 @@ class JointsBehind:
         plugin = load_driver(options.bus.driver)
         joints = joint_bus(options, bus)
         own = plugin.options.model_validate(options.bus.options)
-        inner = plugin.make(own, joints, clock, transport)
-        self._inner = inner
-        self.command_delay: CommandDelay = inner.command_delay
-        self.enable_step = inner.enable_step
-        self.request = inner.request
-        self.disable = inner.disable
-        self.close = inner.close
+        super().__init__(plugin.make(own, joints, clock, transport))
         self._which = coordinates(bus)
         self._axes = [axis.name for axis in bus.axes]
         self._joints = joints.axes
         self._task = options.task()
-        self._period_ns = bus.period_ns
         self._period = 1.0 / bus.rate_hz
         count = self._count = len(joints.axes)
         self._known = False
@@ -52,33 +46,24 @@ class JointsBehind:
         self._stride = [0.0] * count  # per period
         self._place = [0.0] * COORDINATES
         self._jacobian = [0.0] * (COORDINATES * count)
-        self._deadline_ns: int | None = None
+        self._since = SlotCount(bus.period_ns)
         self._faults: list[Fault] = []
         self._sent = [0.0] * count
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what else a driver may have: `poll`, `notes`."""
-        return getattr(self._inner, name)
 
     def open(self) -> None:
         """Open the joints' bus, at the start or for a reset: forget what was known and sent."""
         self._known = self._beyond = False
         self._stride = [0.0] * self._count
-        self._inner.open()
+        super().open()
 
     def faults(self) -> Sequence[Fault]:
         """Return the joints' faults since the last call, and what a joint did beyond its limits."""
         found, self._faults = self._faults, []
-        return [*self._inner.faults(), *found]
+        return [*self._driver.faults(), *found]
 
     def _sampled(self, deadline_ns: int) -> tuple[Sequence[JointState], int]:
         """Return the joints' samples, and how many slots passed since they were last read."""
-        states = self._inner.read(deadline_ns)
-        slots = 0
-        if self._deadline_ns is not None:
-            slots = max(round((deadline_ns - self._deadline_ns) / self._period_ns), 0)
-        self._deadline_ns = deadline_ns
-        return states, slots
+        return self._driver.read(deadline_ns), self._since.passed(deadline_ns)
 
     def _missed(self, states: Sequence[JointState]) -> Sequence[JointState]:
         """Return what a tip reports of which a joint is missing."""

@@ -136,7 +136,7 @@ class ArmDriver(JointsBehind):
         self._sent = self._within(mapped, beside)
         # What the controller believes enters with the other sign: `work` is then the difference.
         self._tip.set([*(-force for force in forces), *mapped])
-        self._inner.write([AxisCommand(effort, 0.0) for effort in self._sent])
+        self._driver.write([AxisCommand(effort, 0.0) for effort in self._sent])
 
     def _within(self, mapped: list[float], beside: list[float]) -> list[float]:
         """Return all efforts within the joints' limits; `mapped` shrinks as a whole if it must."""
@@ -157,7 +157,7 @@ class ArmDriver(JointsBehind):
         for part in self._parts:
             part.set([0.0] * part.size)
         self._sent = [0.0] * self._count
-        self._inner.write([SAFE_COMMAND] * self._count)
+        self._driver.write([SAFE_COMMAND] * self._count)
 
     def fill(self, row: Row, at: int) -> None:
         """Write joints, books and walls."""

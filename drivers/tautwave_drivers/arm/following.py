@@ -133,7 +133,7 @@ class FollowingArm(JointsBehind):
         if not self._known or all(command is SAFE_COMMAND for command in commands):
             self._sent = [0.0] * self._count
             self._file(0.0)
-            self._inner.write([SAFE_COMMAND] * self._count)
+            self._driver.write([SAFE_COMMAND] * self._count)
             return
         wanted = [command.velocity for command in commands]
         through = self._gained(wanted)
@@ -157,7 +157,7 @@ class FollowingArm(JointsBehind):
         share = share * self._allowed
         # A NaN speed is not sent.
         self._sent = [share * speed if share > 0.0 else 0.0 for speed in speeds]
-        self._inner.write([AxisCommand(0.0, speed) for speed in self._sent])
+        self._driver.write([AxisCommand(0.0, speed) for speed in self._sent])
 
     def _file(self, gift: float) -> None:
         """Keep what a command may give [J] until a sample shows what it gave."""

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from tautwave.config import Rig, calibration_of
 from tautwave.config.keys.calibration import AxisCalibration
 from tautwave.contracts import Driver
 from tautwave.errors import DriverError
 from tautwave.runtime.sensing import LoopBus
-from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave.types import AxisCommand, JointState
+from tautwave.wrapper import DriverWrapper
 
 
-class CalibratedDriver:
-    """A driver whose axes count from their zero and in their direction; in all else the driver.
+class CalibratedDriver(DriverWrapper):
+    """A driver whose axes count from their zero and in their direction.
 
     Parameters
     ----------
@@ -36,19 +36,10 @@ class CalibratedDriver:
         *,
         followers: bool = False,
     ) -> None:
-        self._driver = driver
+        super().__init__(driver)
         self._names, self._found = names, found
         self._zeros = [(one.zero, float(one.direction)) for one in found]
         self._turned = followers or any(one.direction < 0 for one in found)
-        self.command_delay: CommandDelay = driver.command_delay
-        self.enable_step = driver.enable_step
-        self.request = driver.request
-        self.disable = driver.disable
-        self.close = driver.close
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what else a driver may have: `poll`, `notes`, `columns`."""
-        return getattr(self._driver, name)
 
     def open(self) -> None:
         """Open the driver, and refuse a device that is not the one that was calibrated.
@@ -58,7 +49,7 @@ class CalibratedDriver:
         DriverError
             A device says something else of itself than when it was calibrated.
         """
-        self._driver.open()
+        super().open()
         said = identities(self._driver)
         changes = [
             f"{name}: {key} was {then}, now {said.get(name, {}).get(key, 'not given')}"
@@ -96,10 +87,6 @@ class CalibratedDriver:
                 for command, (zero, way) in zip(commands, self._zeros, strict=True)
             ]
         self._driver.write(commands)
-
-    def faults(self) -> Sequence[Fault]:
-        """Return the faults reported since the last call."""
-        return self._driver.faults()
 
 
 def identities(driver: Driver) -> Mapping[str, Mapping[str, str]]:

@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
 
 from tautwave.contracts import Driver, Row
 from tautwave.laws.servo.follower import FollowerParams, goal_effort, next_goal
-from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave.types import AxisCommand, CommandDelay, JointState
+from tautwave.wrapper import DriverWrapper
 
 
 class Goal:
@@ -54,8 +54,8 @@ class Goal:
         return AxisCommand(0.0, command.velocity, self.sent)
 
 
-class FollowingDriver:
-    """A driver with followers among its axes; in all else the driver itself.
+class FollowingDriver(DriverWrapper):
+    """A driver with followers among its axes.
 
     Parameters
     ----------
@@ -70,27 +70,18 @@ class FollowingDriver:
     def __init__(
         self, driver: Driver, names: Sequence[str], params: Sequence[FollowerParams | None]
     ) -> None:
-        self._driver = driver
-        self.command_delay: CommandDelay = driver.command_delay
+        super().__init__(driver)
         self._goals = [None if p is None else Goal(p, driver.command_delay) for p in params]
         self.columns = [
             f"{name}.followed" for name, goal in zip(names, self._goals, strict=True) if goal
         ]
-        self.enable_step = driver.enable_step
-        self.request = driver.request
-        self.disable = driver.disable
-        self.close = driver.close
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what else a driver may have: `poll`, `notes`."""
-        return getattr(self._driver, name)
 
     def open(self) -> None:
         """Open the driver; goals begin where the devices are then."""
         for goal in self._goals:
             if goal is not None:
                 goal.clear()
-        self._driver.open()
+        super().open()
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the driver's samples, of followers the goal and the effort of the spring."""
@@ -107,10 +98,6 @@ class FollowingDriver:
                 for command, goal in zip(commands, self._goals, strict=True)
             ]
         )
-
-    def faults(self) -> Sequence[Fault]:
-        """Return the faults reported since the last call."""
-        return self._driver.faults()
 
     def fill(self, row: Row, at: int) -> None:
         """Record where the devices were measured last; NaN before that."""
