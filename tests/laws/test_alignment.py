@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.laws.alignment import (
+from tautwave.laws.rest.alignment import (
     AlignParams,
     align_budget,
     align_effort,

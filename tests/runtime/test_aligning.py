@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tautwave.controller.records import AxisState
-from tautwave.laws.alignment import AlignParams
-from tautwave.runtime.operate.aligning import MOST_WAYS, PATIENCE_S, Alignment
-from tautwave.runtime.operate.resting import PullParams
+from tautwave.laws.rest.alignment import AlignParams
+from tautwave.runtime.operate.rest.aligning import MOST_WAYS, PATIENCE_S, Alignment
+from tautwave.runtime.operate.rest.pull import PullParams
 from tests.runtime.operating import BARE, FREE, STILL, bench, operate
 
 PERIOD_NS = 1_000_000

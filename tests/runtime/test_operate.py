@@ -22,7 +22,7 @@ from tautwave.runtime.operate.commands import (
     read_script,
 )
 from tautwave.runtime.operate.journal import Journal
-from tautwave.runtime.operate.resting import Holds
+from tautwave.runtime.operate.rest.holds import Holds
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 from tests.runtime.sequences import judge, random_day
 
@@ -191,7 +191,7 @@ def test_a_hold_damps_whatever_pushed_before_it(
     done = operate(bench(*keys, FREE, *BARE, late), script, 0.6)
     held = np.flatnonzero(done.columns["operation.state"] == state_code(state))
     pushed = np.diff(done.columns["lever.operate.absorbed"])[held[0] - 1 : held[0] + 4]
-    assert pushed.min() < -2.0 * done.control.holds.capital[1]  # the worst case is met
+    assert pushed.min() < -2.0 * done.control.holds.granted(1)  # the worst case is met
     speed = done.columns["slave.lever.velocity"][held]
     sent = done.columns["slave.lever.commanded"][held]
     assert np.abs(speed).max() > 0.05
@@ -206,7 +206,7 @@ def test_a_hold_that_gives_out_its_capital_lets_go() -> None:
     s, p = control.axes[1], control.params[1]._replace(delay=1, late=0.5)
     holds = Holds([p], [2.094e-5])
     s.velocity = 1.0
-    (capital,) = holds.capital
+    capital = holds.granted(0)
     for slot, energy, damps in (
         (4, -1.0, True), (5, -2.0, True), (6, -3.0, True),  # what acts late is not the hold's
         (7, -3.0 - 0.9 * capital, True), (8, -3.0 - 1.1 * capital, False), (9, -2.0, True),
@@ -386,7 +386,7 @@ def test_who_presses_the_same_button_as_another_undoes_nothing() -> None:
 def test_an_effort_sensor_that_friction_cannot_balance_blocks_an_alignment(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tautwave.runtime.operate.aligning.PATIENCE_S", 0.3)
+    monkeypatch.setattr("tautwave.runtime.operate.rest.aligning.PATIENCE_S", 0.3)
     law = "coupling={law: position_force, pairs: {lever: {effort: measured}}}"
     sensors = "slave.axes.lever.effort_sensor={}", "simulation.axes.slave.lever.effort_sensor=%s"
     for offset in (0.4, 0.0):

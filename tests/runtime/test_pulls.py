@@ -12,7 +12,8 @@ from tautwave.controller.records import AxisState
 from tautwave.rig import build_rig
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import Order
-from tautwave.runtime.operate.resting import Pull, PullParams, send_resting
+from tautwave.runtime.operate.rest.axis import send_resting
+from tautwave.runtime.operate.rest.pull import Pull, PullParams
 from tests.runtime.operating import BARE, FREE, STILL, Operated, bench, operate
 from tests.runtime.test_aligning import LAW
 

@@ -11,9 +11,9 @@ import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import LinkError
-from tautwave.laws.alignment import AlignParams
+from tautwave.laws.rest.alignment import AlignParams
 from tautwave.rig import build_rig
-from tautwave.rig.operation import site_pulls
+from tautwave.rig.operated.operation import site_pulls
 from tautwave.runtime.control import CoupledControl
 from tautwave.session.sites.agreed import claim_sessions
 from tests.session.sites import RIG, Half, Pair

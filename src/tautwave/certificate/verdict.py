@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from tautwave.certificate.belief import declared_delays
+from tautwave.certificate.brakes import brake_element
 from tautwave.certificate.buses import bus_elements, policy_elements
 from tautwave.certificate.compensation import (
     compensation_elements,
@@ -113,6 +114,9 @@ def _elements(
             if load is not None:
                 yield load
                 damping += float(load.numbers.get("needed_damping", 0.0))
+            brake = brake_element(own, axis_name, delays)
+            if brake is not None:
+                yield brake
             yield from verdict.axis_elements(rig, axis_name, delays, damping)
         yield from verdict.pair_elements(rig, pair, delays)
 

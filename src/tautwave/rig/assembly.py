@@ -45,6 +45,11 @@ class Assembly(NamedTuple):
     columns: Sequence[str]
     scene: SceneRun | None = None
 
+    @property
+    def delays(self) -> dict[str, CommandDelay]:
+        """Command delays of the drivers, by full name of an axis."""
+        return {name: bus.driver.command_delay for bus in self.buses for name in bus.axes}
+
 
 def build_rig(
     rig: Rig,

@@ -11,7 +11,7 @@ from tautwave.config.keys.key_codes import CODES
 from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly, BusWay
-from tautwave.rig.operation import LOOK_HZ, operation_of, scaled
+from tautwave.rig.operated.operation import LOOK_HZ, operation_of, scaled
 from tautwave.rig.ways import Way
 from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
@@ -111,8 +111,7 @@ def with_operation(
 def _with_table(rig: Rig, assembly: Assembly, people: People) -> Assembly:
     plain = assembly.control
     assert isinstance(plain, CoupledControl)
-    delays = {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
-    control = OperatedControl(plain, operation_of(rig, plain, delays), people)
+    control = OperatedControl(plain, operation_of(rig, plain, assembly.delays), people)
     control.loads = [one for one in assembly.sources if isinstance(one, SideLoad)]
     sources = [control, *assembly.sources[1:]]
     columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]

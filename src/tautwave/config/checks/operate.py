@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from tautwave.config.keys.operate import Aligning
+from tautwave.config.keys.operate import Resting
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document
 
 
 def check_operate(document: Document, parts: Parts) -> None:
-    """Note what an operated rig cannot have."""
+    """Note what an operated rig, or one of two sites, cannot have."""
+    for block in ("operate", "sites"):
+        if document.get((block, "hold_effort_share")):
+            _check_brakes(document, parts, (block, "hold_effort_share"))
     if document.get(("operate",)) is None:
         return
     if document.get(("scene",)) is not None:
@@ -17,7 +20,7 @@ def check_operate(document: Document, parts: Parts) -> None:
         if document.get(("operate", "scales")):
             text = "two sites cannot change both ends in the same slot; remove it"
             document.report(("operate", "scales"), text)
-        for key, field in Aligning.model_fields.items():
+        for key, field in Resting.model_fields.items():
             if document.get(("operate", key)) not in (None, field.default):  # as in a kept rig
                 document.report(
                     ("operate", key), f"with two sites, use sites.{key} instead; remove it"
@@ -38,3 +41,21 @@ def check_operate(document: Document, parts: Parts) -> None:
                 "a velocity-controlled slave is not aligned: write at_engage "
                 f"(got {pair.offset:g})",
             )
+
+
+def _check_brakes(document: Document, parts: Parts, key: tuple[str, str]) -> None:
+    """Note axes that a brake cannot be made for."""
+    for name in parts.pairs or {}:
+        for side in ("master", "slave"):
+            axis = parts.axis(side, name)
+            if axis is None or axis.causality != "impedance":
+                continue
+            given = {
+                "velocity_limit": axis.velocity_limit,
+                "inertia": axis.inertia,
+                "damping": axis.damping.lower,
+            }
+            missing = " and ".join(what for what, value in given.items() if not value)
+            if missing:
+                text = f"a brake needs {missing} of {side}.{name}; add it, or remove this key"
+                document.report(key, text)

@@ -51,8 +51,8 @@ class Trigger(Block):
     command: Word | None = Field(default=None, description="Command given when CTS is asserted.")
 
 
-class Aligning(Block):
-    """How slaves are brought into place before they engage."""
+class Resting(Block):
+    """How axes are held, and how slaves are brought into place before they engage."""
 
     align_speed: Positive = Field(
         default=0.3,
@@ -65,9 +65,14 @@ class Aligning(Block):
         default=0.2,
         description="Maximum effort of that motion, as a share of the slave's effort limit.",
     )
+    hold_effort_share: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.0,
+        description="Maximum effort with which a held axis resists being moved from its place, as "
+        "a share of its effort limit; beyond it, the axis slips. 0: it is only damped.",
+    )
 
 
-class Operate(Aligning):
+class Operate(Resting):
     """A rig that people operate, by keys, a script or a program."""
 
     start: Literal["idle", "engaged"] = Field(

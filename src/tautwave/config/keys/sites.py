@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from tautwave.config.keys.common import Block, NonNegative, Positive
-from tautwave.config.keys.operate import Aligning
+from tautwave.config.keys.operate import Resting
 
 SideName = Literal["master", "slave"]
 PORT = 7447
@@ -36,7 +36,7 @@ def _nowhere() -> Site:
     return Site()
 
 
-class Sites(Aligning):
+class Sites(Resting):
     """Master and slave on two machines, joined over a network; see `tautwave run --site`."""
 
     serves: SideName = Field(

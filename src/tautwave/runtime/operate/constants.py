@@ -6,19 +6,21 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from tautwave.controller.records import AxisParams, PairParams
-from tautwave.runtime.operate.resting import PullParams
+from tautwave.laws.rest.brake import BrakeParams
+from tautwave.runtime.operate.rest.pull import PullParams
 
 
 class Operation(NamedTuple):
     """What a rig's `operate` block comes to.
 
     `pulls` by pair, of those with an offset of their own; `quanta` [rad or m] are the encoder steps
-    of the axes. `scales` are the constants of axes and pairs at each factor on the pairs' scale;
-    their places are the same.
+    of the axes, and `brakes` what brakes them at rest. `scales` are the constants of axes and pairs
+    at each factor on the pairs' scale; their places are the same.
     """
 
     pulls: Mapping[int, PullParams]
     quanta: Sequence[float]
+    brakes: Sequence[BrakeParams | None] = ()
     scales: Mapping[float, tuple[Sequence[AxisParams], Sequence[PairParams]]] = {}
 
     def called(self, text: str) -> float | None:

@@ -19,7 +19,6 @@ from tautwave.laws.limit import guard_axis
 from tautwave.runtime.carrying.side import SideLoad, take_payload
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate import states as st
-from tautwave.runtime.operate.aligning import Alignment
 from tautwave.runtime.operate.books import Books
 from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order, unknown
 from tautwave.runtime.operate.constants import Operation
@@ -27,7 +26,9 @@ from tautwave.runtime.operate.engagement import begin_session, drop_commands, en
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
 from tautwave.runtime.operate.rescaling import held_by, take_scale
-from tautwave.runtime.operate.resting import Holds, send_resting, sense_resting
+from tautwave.runtime.operate.rest.aligning import Alignment
+from tautwave.runtime.operate.rest.axis import send_resting, sense_resting
+from tautwave.runtime.operate.rest.holds import Holds
 
 STATE_COLUMNS = (
     "operation.state",
@@ -57,12 +58,7 @@ class OperatedControl(CoupledControl):
 
     loads: Sequence[SideLoad] = ()
 
-    def __init__(
-        self,
-        plain: CoupledControl,
-        operation: Operation,
-        people: People,
-    ) -> None:
+    def __init__(self, plain: CoupledControl, operation: Operation, people: People) -> None:
         super().__init__(
             plain.run, plain.names, plain.params, plain.pair_names, plain.pairs, plain.table,
             plain.law, plain.wire,
@@ -73,7 +69,7 @@ class OperatedControl(CoupledControl):
         self.lamps, self.inbox = people.lamps, people.inbox
         self._engages = people.engage_at_start
         self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in plain.params]
-        self.holds = Holds(plain.params, operation.quanta)
+        self.holds = Holds(plain.params, operation.quanta, operation.brakes)
         self._seated = [False] * len(plain.params)
         self.alignment = Alignment(
             self.axes, self.pairs, operation.pulls, operation.quanta, self.run.period_ns
@@ -153,9 +149,12 @@ class OperatedControl(CoupledControl):
                 free = free or which in self.dead
                 if self.samples[which].valid and not free and not alignment.let_go:
                     pull = alignment.pulls.get(k) if which == q.slave else None
-                    effort = (
-                        self.holds.effort(which, slot, s, p) if pull is None else pull.effort(s)
-                    )
+                    # A hand may lead its master while slaves are brought into place.
+                    braked = state != st.ALIGNING or which == q.slave
+                    if pull is None:
+                        effort = self.holds.effort(which, slot, s, p, braked=braked)
+                    else:
+                        effort = pull.effort(s)
                 send_resting(s, p, effort, share * p.ceiling)
 
     # -- commands and events ------------------------------------------------------------------
@@ -361,7 +360,7 @@ class OperatedControl(CoupledControl):
         super().fill(row, 0)
         self._books.bank(row)
         if not self._coupled:
-            self.granted += sum(self.holds.capital)
+            self.granted += self.holds.granted_to_all()
             for k in range(len(self.pairs)):
                 self._outside[k] += self._now_outside(k)
 

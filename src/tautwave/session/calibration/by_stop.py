@@ -7,7 +7,7 @@ from collections.abc import Generator, Mapping
 
 from tautwave.config import Rig
 from tautwave.errors import SafetyStop
-from tautwave.laws.alignment import (
+from tautwave.laws.rest.alignment import (
     AlignParams,
     align_effort,
     align_law,

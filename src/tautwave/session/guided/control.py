@@ -17,7 +17,7 @@ from tautwave.controller.steps import ALONE
 from tautwave.controller.stops import AxisName
 from tautwave.laws.limit import guard_axis
 from tautwave.runtime.control import Control
-from tautwave.runtime.operate.resting import send_resting, sense_resting
+from tautwave.runtime.operate.rest.axis import send_resting, sense_resting
 from tautwave.session.guided.answers import Answers
 
 SHOW_NS = 200_000_000

@@ -16,7 +16,7 @@ from tautwave.config import Rig
 from tautwave.config.halves import OF_ONE_END
 from tautwave.errors import LinkError
 from tautwave.rig import Assembly, coupling_part
-from tautwave.rig.operation import quantum_of, site_pulls
+from tautwave.rig.operated.operation import quantum_of, rig_brakes, site_pulls
 from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.loop import LoopResult
@@ -168,6 +168,7 @@ def with_site(rig: Rig, assembly: Assembly, link: Joined, people: People | None 
     approach = Approach(
         pulls,
         [quantum_of(rig, name.name) for name in control.names],
+        rig_brakes(rig, control, assembly.delays),
         {name for name, q in zip(control.pair_names, control.pairs, strict=True)
          if not q.at_engage},
         tolerances,

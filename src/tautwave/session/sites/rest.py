@@ -8,17 +8,14 @@ from typing import NamedTuple
 
 from tautwave.contracts import Row
 from tautwave.controller.run import stop_on_guard
-from tautwave.laws.alignment import align_budget
 from tautwave.laws.limit import guard_axis
+from tautwave.laws.rest.alignment import align_budget
+from tautwave.laws.rest.brake import BrakeParams
 from tautwave.runtime.control import CoupledControl
-from tautwave.runtime.operate.aligning import PATIENCE_S
-from tautwave.runtime.operate.resting import (
-    Holds,
-    Pull,
-    PullParams,
-    send_resting,
-    sense_resting,
-)
+from tautwave.runtime.operate.rest.aligning import PATIENCE_S
+from tautwave.runtime.operate.rest.axis import send_resting, sense_resting
+from tautwave.runtime.operate.rest.holds import Holds
+from tautwave.runtime.operate.rest.pull import Pull, PullParams
 from tautwave.session.sites.agreed import ALIGNED
 
 ACCOUNT = ("absorbed", "stored", "dissipated")
@@ -27,13 +24,15 @@ ACCOUNT = ("absorbed", "stored", "dissipated")
 class Approach(NamedTuple):
     """What brings slaves into place.
 
-    `pulls` by pair, of those that can be; `quanta` [rad or m] are the axes' encoder steps;
+    `pulls` by pair, of those that can be; `quanta` [rad or m] are the axes' encoder steps, `brakes`
+    what brakes them at rest;
     `offsets` the pairs whose rig gives one; `tolerances` [rad or m, slave] by pair how far from its
     place it may begin.
     """
 
     pulls: Mapping[int, PullParams]
     quanta: Sequence[float]
+    brakes: Sequence[BrakeParams | None]
     offsets: Collection[str]
     tolerances: Sequence[float]
 
@@ -56,30 +55,43 @@ class Rest:
         self._own = own
         self._approach = approach
         self._params = [p._replace(site=p.site._replace(has_wall=False)) for p in control.params]
-        self.holds = Holds(control.params, approach.quanta)
+        self.holds = Holds(control.params, approach.quanta, approach.brakes)
         self._latency = max((control.params[i].delay for i in own), default=0) + 2
         self._pulls: dict[int, Pull] = {}
         self._limit = self._let_go = 0
         self._beyond = False
         self._seated: dict[int, bool] = {}
-        self.granted = [0.0] * len(own)
-        """[J] By pair, what all alignments and holds so far might supply."""
+        self._granted = [0.0] * len(own)
+        self._begun = False
         self.hindrance = ""
         self._resting = False
         self._taken = [0.0] * len(own)
         self.free = False
         """Whether nothing holds the axes."""
+        self.braked = False
+        """Whether their brakes hold them, if they have any, and not only damping."""
 
     def begin(self, *, seated: bool) -> None:
         """Begin to rest: to hold; `seated`: the axes have been measured before."""
         self.release()
         self._resting = True
         self._seated = dict.fromkeys(self._own, seated)
+        self._granted = self.granted
+        self._begun = True
         self.holds.begin()
-        for k, i in enumerate(self._own):
-            self.granted[k] += self.holds.capital[i]
+        for i in self._own:
             s = self._control.axes[i]
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
+
+    @property
+    def granted(self) -> list[float]:
+        """What all alignments and holds so far might supply, by pair [J]."""
+        if not self._begun:
+            return self._granted
+        return [
+            already + self.holds.granted(i) + self.holds.reserve[i]
+            for already, i in zip(self._granted, self._own, strict=True)
+        ]
 
     def anew(self) -> None:
         """Count what the motors take from 0 on; axes stay seated."""
@@ -130,7 +142,7 @@ class Rest:
         if not begins:
             joules -= align_budget(params.law, 0.0, *friction)
         self._pulls[k].budget += joules
-        self.granted[k] += joules
+        self._granted[k] += joules
 
     def release(self) -> None:
         """Pull no more: hold."""
@@ -179,7 +191,10 @@ class Rest:
             free = self.free or self._let_go or i in control.dead
             if control.samples[i].valid and not free:
                 pull = None if ending else self._pulls.get(k)
-                effort = self.holds.effort(i, slot, s, p) if pull is None else pull.effort(s)
+                if pull is None:
+                    effort = self.holds.effort(i, slot, s, p, braked=self.braked)
+                else:
+                    effort = pull.effort(s)
             send_resting(s, p, effort, share * control.params[i].ceiling)
 
     def end(self) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from tautwave.controller.axis import is_balanced, is_calm
 from tautwave.controller.records import AxisParams, AxisState, PairParams
 from tautwave.controller.stops import AxisName, unbalanced_sentence
-from tautwave.laws.alignment import align_budget
-from tautwave.runtime.operate.resting import Pull, PullParams, is_still
+from tautwave.laws.rest.alignment import align_budget
+from tautwave.runtime.operate.rest.pull import Pull, PullParams, is_still
 
 REST_SPEED = 0.05
 """[rad/s or m/s] Slower than that an axis stands, and the pairs may engage."""

@@ -6,13 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 
 from tautwave.config import Rig
-from tautwave.config.keys.operate import Aligning
+from tautwave.config.keys.operate import Resting
 from tautwave.controller.records import AxisParams
-from tautwave.laws.alignment import align_law
+from tautwave.laws.rest.alignment import align_law
+from tautwave.laws.rest.brake import BrakeParams
 from tautwave.rig.controller import make_control
+from tautwave.rig.operated.brakes import brake_params
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.constants import Operation
-from tautwave.runtime.operate.resting import PullParams
+from tautwave.runtime.operate.rest.pull import PullParams
 from tautwave.types import CommandDelay
 
 LOOK_HZ = 50.0
@@ -56,7 +58,15 @@ def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDe
     for factor in rig.operate.scales:
         other = make_control(scaled(rig, factor), delays, plain.run.cycles)
         scales[factor] = (other.params, other.pairs)
-    return Operation(pulls, quanta, scales)
+    return Operation(pulls, quanta, rig_brakes(rig, plain, delays), scales)
+
+
+def rig_brakes(
+    rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDelay]
+) -> list[BrakeParams | None]:
+    """Return what brakes a controller's axes at rest; of two sites each brakes its own."""
+    names = [one.name for one in plain.names]
+    return [brake_params(rig, name, delays[name]) if name in delays else None for name in names]
 
 
 def site_pulls(rig: Rig, plain: CoupledControl) -> tuple[Mapping[int, PullParams], Sequence[float]]:
@@ -75,7 +85,7 @@ def site_pulls(rig: Rig, plain: CoupledControl) -> tuple[Mapping[int, PullParams
     return pulls, tolerances
 
 
-def _pull(rig: Rig, keys: Aligning, name: str, p: AxisParams, tolerance: float) -> PullParams:
+def _pull(rig: Rig, keys: Resting, name: str, p: AxisParams, tolerance: float) -> PullParams:
     axis = rig.slave.axes[name]
     assert axis.inertia is not None
     period = p.site.period

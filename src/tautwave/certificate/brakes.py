@@ -1,0 +1,50 @@
+"""Verdicts on brakes: what holds an axis at rest, and what it may supply; see `laws.rest.brake`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tautwave.certificate.data import Element, Verdict
+from tautwave.config import Rig
+from tautwave.laws.rest.brake import SHARE
+from tautwave.rig.operated.brakes import brake_params, braked_axes
+from tautwave.types import CommandDelay
+
+
+def brake_element(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> Element | None:
+    """Return the verdict on an axis' brake, None without one.
+
+    A wall takes no part: at rest none is rendered.
+    """
+    if axis_name not in braked_axes(rig):
+        return None
+    name = f"brake of {axis_name}"
+    p = brake_params(rig, axis_name, delays[axis_name])
+    if p is None:
+        verdict = Verdict(
+            False,
+            f"the {name}: its load's compensation leaves no damping for it; raise rate_hz, or "
+            "remove hold_effort_share",
+        )
+        return Element(name, "brake", axis_name, verdict, verdict, {}, (verdict.reason,))
+    rotary = rig.axes[axis_name].kind == "rotary"
+    effort, damping = ("N m", "N m s/rad") if rotary else ("N", "N s/m")
+    unit = "rad" if rotary else "m"
+    used = 2.0 * SHARE * p.device
+    greatest = p.stiffness * p.slip
+    said = (
+        f"Held, {axis_name} resists being moved with up to {greatest:.3g} {effort}, at "
+        f"{p.stiffness:.3g} {effort}/{unit}, and slips beyond that; this uses {used:.3g} {damping} "
+        f"of the device's damping. A hold may supply up to {p.capital:.3g} J and "
+        f"{p.power:.2g} W, and {p.reserve:.3g} J more if the host stalls."
+    )
+    numbers = {
+        "stiffness": p.stiffness,
+        "greatest_effort": greatest,
+        "needed_damping": used,
+        "hold_j": p.capital,
+        "hold_w": p.power,
+        "stalled_j": p.reserve,
+    }
+    verdict = Verdict(True, said, margin=p.device - used)
+    return Element(name, "brake", axis_name, verdict, verdict, numbers, (said,))

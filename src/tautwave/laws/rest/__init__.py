@@ -1,0 +1,1 @@
+"""Laws of axes that no coupling holds: a way to a place, a brake."""

@@ -1,0 +1,1 @@
+"""What a rig that people operate comes to."""

@@ -1,0 +1,1 @@
+"""Axes while no coupling holds them: free, held, or pulled into place."""
