@@ -63,6 +63,8 @@ def random_day(seed: int, *, linked: bool = False) -> Day:
     keys += [*BARE, *COUNTS, *line]
     for faults in (ALIGNED, STALLS, LOSSES):
         keys += faults if draw.random() < 0.4 else ()
+    share = f"hold_effort_share={draw.choice((0, 0.1, 0.5))}"
+    keys += [f"sites.{share}" if linked else f"operate.{share}"]
     keys += [f"seed={seed}", f"duration_s={SECONDS}"]
     rig = load_rig(NETWORK, keys) if linked else bench(*keys)
     done = operate(rig, script, SECONDS)

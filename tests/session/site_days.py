@@ -38,6 +38,7 @@ def random_day(seed: int, slots: int = SLOTS) -> Day:
     keys = [*COUNTS, f"seed={seed}", hand]
     keys += PLACES if draw.random() < 0.4 else ()
     keys += [FREE] if draw.random() < 0.5 else ()
+    keys += [f"sites.hold_effort_share={draw.choice((0, 0.1, 0.5))}"]
     two = Pair(*keys)
     most = draw.choice((0, 2, 30))
     two.lag = lambda: draw.randrange(most + 1)

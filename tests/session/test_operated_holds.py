@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.session.test_operated_sites import PLACE, SLOW, STILL, Make, engage, pair
+from tests.session.test_operated_sites import PLACE, SLOW, STILL, Make, both, engage, pair
 
 __all__ = ["pair"]
 
@@ -46,3 +46,31 @@ def test_a_hold_after_a_way_that_was_broken_off_has_a_budget_of_its_own(pair: Ma
     assert s.port_energy > rest.holds._floor[which] - capital
     assert np.any(two.slave["slave.lever.commanded"][-10:])
     assert two.slave.residual() < 1e-9
+
+
+def test_a_brake_holds_a_slave_and_its_master_only_while_both_hold(pair: Make) -> None:
+    moving = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [3, 1]]}"
+    load = "simulation.axes.slave.lever.load={constant: 0.01}"
+    two = pair(moving, load, "sites.hold_effort_share=0.3")
+    engage(two, two.slave)
+    two.run(150)
+    for word, state in (("clutch", "clutched"), ("hold", "holding")):
+        two.slave.ask(word)
+        two.run(2)
+        two.until(lambda state=state: both(two, state))
+        two.run(100)
+        for half in (two.master, two.slave):
+            sent = half[f"{half.side}.lever.commanded"][-60:]
+            if half is two.master and state == "clutched":
+                assert not sent.any()
+                continue
+            holds, (which,) = half.control._meeting.rest.holds, half.control._own
+            brake = holds._brakes[which]
+            assert brake is not None
+            pulled = half[f"{half.side}.lever.position"][-60:] - brake._anchor
+            pulled *= brake.params.stiffness
+            assert np.abs(pulled).max() > 1e-3
+            # Beside the spring there is the damper, on a hand or a device that moves.
+            assert np.allclose(-sent, pulled, atol=0.3 * np.abs(pulled).max() + 1e-3)
+            assert half.control._meeting.rest.granted[0] > brake.params.reserve
+        assert two.slave.residual() < 1e-9
