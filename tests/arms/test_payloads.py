@@ -18,7 +18,8 @@ from tautwave.rig.arms import greatest_loads, load_reserves, load_stiffnesses
 from tautwave.rig.carrying import side_loads
 from tautwave.rig.rates import load_offset
 from tautwave.runtime.carrying.side import CarriedAxis, SideLoad, take_payload
-from tautwave.runtime.operate.commands import PAYLOAD, Order, Script
+from tautwave.runtime.operate.commands import PAYLOAD, Order, Script, read_script
+from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.session.operating import with_operation
 from tautwave.simulation.scene.live import run_in_memory
 
@@ -249,3 +250,30 @@ def test_a_payload_that_is_not_there_lifts_the_arm_by_what_the_coupling_gives_wa
     assert np.ptp(apart[2900:3250]) < 6e-3  # and there it stays
     assert abs(table["load.slave.changed"][-1]) > 0.1
     assert table["load.slave.given"][-1] < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("share", "moved"), [(0.3, 0.104), (0.0, math.inf)])
+@pytest.mark.long
+def test_a_clutched_arm_keeps_its_place_under_a_wrong_payload_only_by_its_brake(
+    share: float, moved: float
+) -> None:
+    """The numbers of "Hold a place" in the docs."""
+    operated = f"operate={{start: engaged, hold_effort_share: {share}}}"
+    rig = load_rig(ARMS, [operated, MORE[1]])
+    script = Script(read_script("1.0 payload box\n1.2 clutch", "script"))
+    built = with_operation(rig, build_rig(rig, clock="fake", duration_s=6.0), [script], [])
+    result, rows = run_in_memory(built)
+    assert result.error is None
+    at = rows[:, list(built.columns).index("slave.shoulder.position")]
+    control = built.control
+    assert isinstance(control, OperatedControl)
+    *_, last = control.journal.entries
+    if share == 0.0:
+        assert last.word == "fault"
+        assert "slave.shoulder: at 1.50" in last.text
+        assert last.at_s < 1.2 + 0.8
+    else:
+        assert last.state == "clutched"
+        assert at[-300] - at[1200] == pytest.approx(moved, abs=0.01)
+        assert np.ptp(at[-1000:-300]) < 0.01

@@ -247,6 +247,7 @@ def test_the_whole_suite_without_recordings(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"no recordings in {DATA}")
+@pytest.mark.long
 def test_recorded_motion_is_followed_closer_than_the_laboratory_followed(tmp_path: Path) -> None:
     hands = recorded_hands(DATA)
     moved = imposed(hands, tmp_path, lambda _: None, laws=["after"])

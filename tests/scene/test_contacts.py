@@ -25,6 +25,8 @@ from tautwave.scene.sampled import PortMap, linear_scene, loop_poles
 from tautwave.types import CommandDelay
 from tests.commands import tautwave
 
+LONG = pytest.mark.slow, pytest.mark.long
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 WALL = Path(__file__).parent / "wall.yaml"
 NO_DELAY = {"master.stick": CommandDelay(0, 0.0)}
@@ -342,7 +344,7 @@ def trials(share: float, count: int) -> list[Trial]:
     return [one for one in found if one is not None]
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [3, pytest.param(20, marks=LONG)])
 def test_a_certified_scene_gives_a_tuned_user_no_more_than_its_limit(count):
     found = trials(0.99, count)
     assert len(found) > 0.7 * count
@@ -351,7 +353,7 @@ def test_a_certified_scene_gives_a_tuned_user_no_more_than_its_limit(count):
         assert not one.stopped
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(20, marks=LONG)])
 def test_beyond_the_bound_a_tuned_user_breaks_more_than_half(count):
     found = trials(1.3, count)
     assert sum(one.gained > one.limit for one in found) > 0.5 * len(found)

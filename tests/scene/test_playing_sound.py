@@ -101,6 +101,7 @@ def test_only_a_scene_can_be_played(tmp_path):
 
 
 @pytest.mark.slow  # a report
+@pytest.mark.long
 def test_a_run_is_played_after_its_end(tmp_path, monkeypatch):
     player = tmp_path / "paplay"
     player.write_text(f'#!/bin/sh\ncp "$1" {tmp_path}/heard.wav\n')
