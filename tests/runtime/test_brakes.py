@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,7 @@ def test_each_hold_begins_where_the_axis_is_then() -> None:
     at, sag = positions(done), 0.02 / params(rig).stiffness
     assert at[1050] > 1.5 * sag  # it fell meanwhile
     assert at[-200:].mean() - at[1050] == pytest.approx(sag, rel=0.02)
+    assert done.control.granted > params(rig).capital  # the first hold's
     assert within_its_joules(done)
 
 
@@ -141,7 +143,10 @@ def test_a_hold_that_supplied_what_it_may_lets_go_until_its_power_has_paid() -> 
     s.port_energy = -(holds.granted(0) + 0.0105)
     given = [holds.effort(0, slot, s, p) != 0.0 for slot in range(2, 22)]
     assert given == [False] * 10 + [True] * 10
-    assert holds.effort(0, 22, s, p, braked=False) == pytest.approx(2e-3 * s.velocity)
+    s.port_energy = -(holds.granted(0) + 0.0105)
+    assert holds.effort(0, 31, s, p) == 0.0
+    assert holds.effort(0, 32, s, p) != 0.0  # slots without a sample are paid as well
+    assert holds.effort(0, 33, s, p, braked=False) == pytest.approx(2e-3 * s.velocity)
 
 
 def test_check_states_what_holds_and_what_it_may_supply() -> None:
@@ -176,6 +181,23 @@ def test_a_load_that_takes_all_the_damping_leaves_none_for_a_brake() -> None:
     smaller = braked(0.3, 0.0, "slave.axes.lever.load={sine: 1.0}", "require=coupled_stable")
     left = params(smaller).device
     assert left == pytest.approx(2e-3 - 1.0 * 1e-3, rel=0.01)
+
+
+def test_noise_counts_as_the_step_that_is_four_times_its_deviation() -> None:
+    quiet, loud = (params(braked(0.3, 0.0, f"slave.axes.lever.position_noise={noise}"))
+                   for noise in (1e-6, 1e-5))  # fmt: skip
+    assert quiet.quantum == 2.094e-5
+    assert loud.quantum == 4e-5
+    assert loud.power == pytest.approx(quiet.power * (4e-5 / 2.094e-5) ** 2)
+
+
+def test_what_is_disturbed_comes_to_rest_with_a_damping_ratio_of_a_quarter() -> None:
+    rig = braked(0.3, 0.02, STILL)
+    p = params(rig)
+    at = positions(operate(rig, "0 hold", 3.0))
+    over = at.max() / (0.02 / p.stiffness) - 1.0
+    ratio = -math.log(over) / math.hypot(math.pi, math.log(over))
+    assert 0.2 < ratio < 0.35
 
 
 def test_a_low_rate_limit_softens_the_spring() -> None:

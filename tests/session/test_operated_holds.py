@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.session.site_days import FREE
+from tests.session.sites import Pair
 from tests.session.test_operated_sites import PLACE, SLOW, STILL, Make, both, engage, pair
 
 __all__ = ["pair"]
@@ -72,5 +74,16 @@ def test_a_brake_holds_a_slave_and_its_master_only_while_both_hold(pair: Make) -
             assert np.abs(pulled).max() > 1e-3
             # Beside the spring there is the damper, on a hand or a device that moves.
             assert np.allclose(-sent, pulled, atol=0.3 * np.abs(pulled).max() + 1e-3)
-            assert half.control._meeting.rest.granted[0] > brake.params.reserve
+            holds_so_far = 1 if state == "clutched" else 2
+            each = brake.params.reserve + brake.params.capital
+            assert half.control._meeting.rest.granted[0] > holds_so_far * each
         assert two.slave.residual() < 1e-9
+
+
+def test_between_sessions_that_no_person_operates_only_slaves_are_braked() -> None:
+    two = Pair(FREE, STILL, "sites.hold_effort_share=0.3")
+    try:
+        braked = {half.side: half.control._meeting.rest.braked for half in (two.master, two.slave)}
+    finally:
+        two.close()
+    assert braked == {"master": False, "slave": True}

@@ -12,11 +12,11 @@ from tautwave.laws.rest.brake import SHARE, BrakeParams, passive_stiffness, step
 from tautwave.rig.arms import load_reserves, load_stiffnesses
 from tautwave.types import CommandDelay
 
-SLOW = 0.25
-"""Corner of the damper's velocity filter, as a period over that of device and spring."""
+SLOW = 0.7
+"""Time constant of the damper's velocity filter times the frequency of device on spring.
 
-DAMPED = 1.4
-"""Damper over the square root of stiffness and inertia, at most: a damping ratio of 0.7."""
+A slower filter bears a larger damper, in proportion; beyond this, its lag takes that away again.
+"""
 
 RISE = 0.5
 """Share of an effort rate limit that the spring may ask for at the velocity limit."""
@@ -51,8 +51,8 @@ def spare_damping(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
 def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams | None:
     """Return the constants of an axis' brake, None without one or without damping to spare.
 
-    The damper is the greatest passive one behind a velocity filter that is quick beside the motion
-    of device and spring, up to a damping ratio of 0.7.
+    The damper is the greatest passive one behind its velocity filter: a damping ratio of about a
+    quarter.
     """
     keys, axis = resting_keys(rig), rig.axes[axis_name]
     device = spare_damping(rig, axis_name, delay)
@@ -69,7 +69,7 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
     mass = axis.inertia.lower
     filter_s = SLOW * math.sqrt(mass / stiffness)
     damper = SampledWall(0.0, 0.0, period, late, filter_s)
-    damping = min(greatest_damping(damper, SHARE * device), DAMPED * math.sqrt(mass * stiffness))
+    damping = greatest_damping(damper, SHARE * device)
     quantum = max(axis.encoder_quantum, 4.0 * axis.position_noise)
     held = period * (2.0 + late) + rig.overrun_limit * rig.period_s
     return BrakeParams(
