@@ -11,14 +11,21 @@ import pytest
 from tautwave.certificate import certify
 from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig, load_rig
+from tautwave.config.keys.operate import Operate
 from tautwave.errors import ConfigError
-from tautwave.laws.rest.brake import BrakeParams
-from tautwave.rig.operated.brakes import brake_params
-from tautwave.runtime.operate.rest.holds import Holds
+from tautwave.laws.rest.brake import BrakeParams, device_takes, passive_stiffness
+from tautwave.rig import build_rig
+from tautwave.rig.operated.brakes import brake_params, braked_axes
+from tautwave.runtime.operate.operated import OperatedControl
+from tautwave.runtime.operate.rest.holds import Holds, damping_capital
 from tautwave.runtime.operate.states import STATES
+from tautwave.session.operating import with_operation
+from tautwave.simulation.scene.live import run_in_memory
+from tautwave.types import CommandDelay
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 
-NOISY = Path(__file__).parents[2] / "configs" / "bench-1dof-2khz-noisy.yaml"
+CONFIGS = Path(__file__).parents[2] / "configs"
+NOISY = CONFIGS / "bench-1dof-2khz-noisy.yaml"
 SLAVE = "slave.lever"
 RAMP = 200
 """Rows of the release ramp at the end of a run."""
@@ -129,24 +136,96 @@ def test_a_minute_of_real_noise_uses_up_no_hold() -> None:
     assert within_its_joules(done)
 
 
-def test_a_hold_that_supplied_what_it_may_lets_go_until_its_power_has_paid() -> None:
+def test_a_stop_or_a_new_hold_on_the_way_to_a_place_brakes_where_the_axis_is() -> None:
+    offset = ("coupling.pairs.lever.offset=0.45", "coupling.pairs.lever.engage_tolerance=0.01")
+    for word in ("stop", "hold", "rest\n1.51 hold"):
+        done = operate(braked(0.3, 0.0, STILL, *offset), f"0.05 engage\n1.5 {word}", 2.5)
+        sent = done.columns["slave.lever.commanded"][1498:2200]
+        at = done.columns["slave.lever.position"]
+        assert np.abs(sent).max() < 0.03, word  # of 0.33
+        assert np.ptp(at[1498:2200]) < 0.03
+        assert np.abs(at[1498]) > 0.2
+
+
+def test_what_is_held_stays_held_from_one_state_to_the_next() -> None:
+    """No step of effort, no other place: clutched, held, at another scale, aligning again."""
+    keys = ("operate.scales=[0.5]", "coupling.pairs.lever.engage_tolerance=0.5")
+    rig = braked(0.3, 0.02, STILL, *keys)
+    script = "0.05 hold\n4 scale 0.5\n4.1 scale 1\n4.2 engage\n4.9 clutch\n8 hold"
+    done = operate(rig, script, 9.0)
+    assert [state for _, state in done.words()] == [
+        "holding", "holding", "holding", "aligning", "engaged", "clutched", "holding",
+    ]  # fmt: skip
+    sag, at = 0.02 / params(rig).stiffness, positions(done)
+    sent = done.columns["slave.lever.commanded"]
+    aligned = int(np.argmax(done.columns["operation.state"] == STATES.index("engaged")))
+    assert at[3900:aligned] == pytest.approx(at[3900], abs=0.02 * sag)
+    assert sent[3900 : aligned - 5] == pytest.approx(-0.02, rel=0.05)
+    assert at[7900:] == pytest.approx(at[7900], abs=0.02 * sag)
+    assert within_its_joules(done)
+
+
+def test_lost_samples_leave_the_spring_s_effort_where_it_was() -> None:
+    lost = "simulation.faults={missing_probability: 0.3}", "loop.missing_limit=20", "seed=3"
+    rig = braked(0.3, 0.02, STILL, *lost)
+    done = operate(rig, "0 hold", 4.0)
+    at = positions(done)[-1000:]
+    assert at == pytest.approx(0.02 / params(rig).stiffness, rel=0.05)
+    assert done.columns["slave.lever.commanded"][-1200:-RAMP] == pytest.approx(-0.02, rel=0.05)
+    assert done.words() == [("hold", "holding")]
+
+
+def test_a_hold_that_supplied_what_it_may_is_damped_only_and_says_so() -> None:
     rig = braked(0.3, 0.0, STILL)
     done = operate(rig, "0 hold", 0.1)
-    control = done.control
-    s, p = control.axes[1], control.params[1]
-    brake = params(rig)._replace(power=1.0)
+    s, p = done.control.axes[1], done.control.params[1]
+    brake = params(rig)
     holds = Holds([p], [brake.quantum], [brake])
-    s.position, s.port_energy = 0.1, 0.0
+    s.position, s.port_energy, s.velocity = 0.1, 0.0, 0.5
+    assert holds.granted(0) == 0.0  # before anything is held
     assert holds.effort(0, 0, s, p) == 0.0  # where it is, it rests
+    granted = brake.capital + brake.reserve
+    assert holds.granted(0) == granted
     s.position = 0.15
-    assert holds.effort(0, 1, s, p) > 0.0
-    s.port_energy = -(holds.granted(0) + 0.0105)
-    given = [holds.effort(0, slot, s, p) != 0.0 for slot in range(2, 22)]
-    assert given == [False] * 10 + [True] * 10
-    s.port_energy = -(holds.granted(0) + 0.0105)
-    assert holds.effort(0, 31, s, p) == 0.0
-    assert holds.effort(0, 32, s, p) != 0.0  # slots without a sample are paid as well
-    assert holds.effort(0, 33, s, p, braked=False) == pytest.approx(2e-3 * s.velocity)
+    effort = holds.effort(0, 4, s, p)
+    assert effort == pytest.approx(
+        brake.stiffness * 0.05 + brake.damping * brake.gain * 0.05 / (4 * brake.period)
+    )
+    granted += device_takes(brake, 0.05, 4) + 4 * brake.period * brake.power
+    assert holds.granted(0) == pytest.approx(granted, rel=1e-12)
+    s.count = p.blind - 1
+    assert holds.effort(0, 5, s, p, valid=False) == pytest.approx(brake.stiffness * 0.05)
+    s.count = p.blind
+    assert holds.effort(0, 6, s, p, valid=False) == 0.0
+    assert holds.effort(0, 7, s, p, braked=False) == 2e-3 * 0.5
+    s.port_energy = -0.99 * granted
+    assert holds.effort(0, 8, s, p) == 0.0  # it was led meanwhile, so this is its place
+    s.port_energy = -1.01 * granted
+    assert holds.effort(0, 9, s, p) == 2e-3 * 0.5
+    assert holds.news == [0]
+    s.position = 0.3
+    assert holds.effort(0, 10, s, p) == 2e-3 * 0.5
+    s.port_energy -= 1.01 * damping_capital(p, brake.quantum)
+    assert holds.effort(0, 11, s, p) == 0.0
+    holds.renew()
+    s.port_energy = 0.0
+    assert holds.effort(0, 12, s, p) == 0.0
+    s.position = 0.31
+    assert holds.effort(0, 13, s, p) > 0.01
+
+
+def test_a_brake_that_supplied_what_it_may_is_a_fault() -> None:
+    rig = braked(0.3, 0.0, STILL, "coupling.pairs.lever.engage_tolerance=0.5")
+    built = with_operation(rig, build_rig(rig, clock="fake", duration_s=1.0), [], [])
+    control = built.control
+    assert isinstance(control, OperatedControl)
+    control.holds.news = [1]
+    run_in_memory(built)
+    (entry,) = control.journal.entries
+    assert (entry.word, entry.state) == ("fault", "holding")
+    assert entry.text == (
+        "slave.lever: its brake has supplied all it may; samples were lost, or the host stalled"
+    )
 
 
 def test_check_states_what_holds_and_what_it_may_supply() -> None:
@@ -159,12 +238,16 @@ def test_check_states_what_holds_and_what_it_may_supply() -> None:
     assert numbers["stiffness"] == pytest.approx(damping / 3.0 / (0.5 * period))
     assert numbers["greatest_effort"] == pytest.approx(0.33)
     assert numbers["needed_damping"] == pytest.approx(damping / 1.5)
+    assert found.passive.margin == pytest.approx(damping / 3.0)
     assert numbers["hold_w"] == pytest.approx(2.0 * damping * (2.094e-5 / period) ** 2)
-    elastic = 0.5 * 0.33**2 / numbers["stiffness"]
-    assert numbers["hold_j"] == pytest.approx(elastic, rel=1e-4)
+    shown = 10.0 * damping * 2.094e-5**2 / period
+    assert numbers["hold_j"] == pytest.approx(0.33**2 / numbers["stiffness"] + shown, rel=1e-9)
     held = (2 + rig.overrun_limit) * period
     assert numbers["stalled_j"] == pytest.approx(0.33 * held * (15 + 0.5 * 0.33 * held / 1e-3))
     assert "resists being moved with up to 0.33 N m, at 1.33 N m/rad" in found.sentences[0]
+    coarse = params(braked(0.3, 0.0, "slave.axes.lever.effort_quantum=0.01"))
+    drive = 3.0 * 2.094e-5 * 0.01 / period + 0.75 * 0.01**2 / damping
+    assert coarse.power == pytest.approx(numbers["hold_w"] + drive)
     assert not [one for one in certify(braked(0.0, 0.0)).elements if one.kind == "brake"]
 
 
@@ -202,13 +285,33 @@ def test_what_is_disturbed_comes_to_rest_with_a_damping_ratio_of_a_quarter() -> 
 
 def test_a_low_rate_limit_softens_the_spring() -> None:
     rig = braked(0.3, 0.0, "slave.axes.lever.effort_rate_limit=15")
-    assert params(rig).stiffness == pytest.approx(0.5 * 15 / 15)
+    p = params(rig)
+    assert p.stiffness == pytest.approx(0.25)
+    assert 2.0 * p.damping * p.gain * 15 / p.period == pytest.approx(0.5 * 15)
+
+
+def test_a_late_command_softens_it_and_axes_that_take_velocities_have_none() -> None:
+    rig = braked(0.3, 0.0)
+    late = brake_params(rig, SLAVE, CommandDelay(1, 0.0005))
+    assert late is not None
+    assert late.stiffness == pytest.approx(passive_stiffness(2e-3, 1e-3, 1.5))
+    prompt = params(rig)
+    held = 0.33 * 1.5e-3  # and for so much longer an effort acts
+    assert late.reserve - prompt.reserve > 15 * held
+    assert late.damping < prompt.damping
+    admittance = load_rig(CONFIGS / "bench-admittance-loopback.yaml")
+    keys = admittance.model_copy(update={"operate": Operate(hold_effort_share=0.3)})
+    assert braked_axes(keys) == ["master.lever"]
 
 
 @pytest.mark.parametrize(
-    ("change", "missing"),
-    [("damping.lower=0", "damping"), ("inertia=null", "inertia")],
+    ("change", "said"),
+    [
+        ("damping.lower=0", "a brake needs damping.lower of slave.lever; add it, or"),
+        ("velocity_limit=null", "a brake needs velocity_limit of slave.lever; add it, or"),
+        ("effort_quantum=0.1", "would be held with 0.33, less than 4 steps of its effort_quantum"),
+    ],
 )
-def test_a_brake_without_its_numbers_is_refused(change: str, missing: str) -> None:
-    with pytest.raises(ConfigError, match=f"hold_effort_share.*a brake needs {missing} of slave"):
+def test_a_brake_without_its_numbers_is_refused(change: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"hold_effort_share.*{said}"):
         braked(0.3, 0.0, f"slave.axes.lever.{change}", "require=coupled_stable")

@@ -22,7 +22,7 @@ from tautwave.runtime.operate.commands import (
     read_script,
 )
 from tautwave.runtime.operate.journal import Journal
-from tautwave.runtime.operate.rest.holds import Holds
+from tautwave.runtime.operate.rest.holds import Holds, damping_capital
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 from tests.runtime.sequences import judge, random_day
 
@@ -206,7 +206,7 @@ def test_a_hold_that_gives_out_its_capital_lets_go() -> None:
     s, p = control.axes[1], control.params[1]._replace(delay=1, late=0.5)
     holds = Holds([p], [2.094e-5])
     s.velocity = 1.0
-    capital = holds.granted(0)
+    capital = damping_capital(p, 2.094e-5)
     for slot, energy, damps in (
         (4, -1.0, True), (5, -2.0, True), (6, -3.0, True),  # what acts late is not the hold's
         (7, -3.0 - 0.9 * capital, True), (8, -3.0 - 1.1 * capital, False), (9, -2.0, True),

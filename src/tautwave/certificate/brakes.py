@@ -35,8 +35,9 @@ def brake_element(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) 
     said = (
         f"Held, {axis_name} resists being moved with up to {greatest:.3g} {effort}, at "
         f"{p.stiffness:.3g} {effort}/{unit}, and slips beyond that; this uses {used:.3g} {damping} "
-        f"of the device's damping. A hold may supply up to {p.capital:.3g} J and "
-        f"{p.power:.2g} W, and {p.reserve:.3g} J more if the host stalls."
+        f"of the device's damping. Beyond what the device itself dissipates, a hold may supply up "
+        f"to {p.capital:.3g} J and {p.power:.2g} W, and {p.reserve:.3g} J more if the host stalls "
+        f"once for up to {rig.overrun_limit} cycles."
     )
     numbers = {
         "stiffness": p.stiffness,

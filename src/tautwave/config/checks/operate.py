@@ -6,6 +6,9 @@ from tautwave.config.keys.operate import Resting
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document
 
+LEAST_STEPS = 4
+"""Of the drive's effort, with which a brake still holds."""
+
 
 def check_operate(document: Document, parts: Parts) -> None:
     """Note what an operated rig, or one of two sites, cannot have."""
@@ -50,12 +53,16 @@ def _check_brakes(document: Document, parts: Parts, key: tuple[str, str]) -> Non
             axis = parts.axis(side, name)
             if axis is None or axis.causality != "impedance":
                 continue
-            given = {
-                "velocity_limit": axis.velocity_limit,
-                "inertia": axis.inertia,
-                "damping": axis.damping.lower,
-            }
+            given = {"velocity_limit": axis.velocity_limit, "damping.lower": axis.damping.lower}
             missing = " and ".join(what for what, value in given.items() if not value)
+            share = float(document.get(key))
             if missing:
                 text = f"a brake needs {missing} of {side}.{name}; add it, or remove this key"
                 document.report(key, text)
+            elif share * axis.effort_limit < LEAST_STEPS * axis.effort_quantum:
+                document.report(
+                    key,
+                    f"{side}.{name} would be held with {share * axis.effort_limit:.3g}, less than "
+                    f"{LEAST_STEPS} steps of its effort_quantum, {axis.effort_quantum:g}; raise it "
+                    f"(got {share:g})",
+                )

@@ -6,11 +6,12 @@ a load below the greatest effort is held in place, and a hand that is stronger m
 which stays where it is left.
 
 Of the device's certain damping b spring and damper need a third each. Sampled with period T and d
-periods late, the spring of stiffness K gives out at most K (1/2 + d) times the sum of the squared
-displacements: its potential after a period is at most that of the dragged stretch, the stretch
-changes by no more than the device moves, and x y <= (x^2 + y^2) / 2. The device takes at least b/T
-times that sum. The damper's share is `analysis.walls.limits.greatest_damping`. What is left pays
-for the encoder's step and for the drive's. SI units; rotary axes read N m for N and rad for m.
+whole periods late, the spring of stiffness K gives out at most K (1/2 + d) times the sum of the
+squared displacements: its potential after a period is at most that of the dragged stretch, the
+stretch changes by no more than the device moves, and x y <= (x^2 + y^2) / 2. The device takes at
+least b/T times that sum. (Of a delay with a fraction see `lateness`.) The damper's share is
+`analysis.walls.limits.greatest_damping`. What is left pays for the encoder's step and the drive's.
+SI units; rotary axes read N m for N and rad for m.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ class BrakeParams(NamedTuple):
 
     stiffness [N/m]; damping [N s/m] on a velocity whose low-pass has `gain` [1]; `slip` [m], the
     greatest stretch; period [s]; `device` [N s/m], damping that the device is certain to have and
-    that nothing else counts on; `quantum` [m] of the encoder. What it may give out: `capital` [J]
-    each time, `power` [W] for the steps of encoder and drive, and `reserve` [J] once if the host
-    stalls.
+    that nothing else counts on; `quantum` [m] of the encoder. What it may give out beyond what
+    the device takes: `capital` [J] each time, `power` [W] for the steps of encoder and drive, and
+    `reserve` [J] once if the host stalls.
     """
 
     stiffness: float
@@ -44,12 +45,24 @@ class BrakeParams(NamedTuple):
     reserve: float
 
 
+def lateness(delay: float) -> float:
+    """Return the periods by which a late spring lags at most, as a motion may have it [1].
+
+    Of a whole `delay` in periods it is m = 1/2 + d. With a fraction r the effort changes within a
+    period, and a device may move more where it is the older one: with a share a of the displacement
+    there, the spring gives out K (m - r + a) x^2, and the device takes
+    b/T (a^2 / r + (1 - a)^2 / (1 - r)) x^2. The greatest ratio is (m + sqrt(m^2 + r (1 - r))) / 2.
+    """
+    mean, share = 0.5 + delay, delay - math.floor(delay)
+    return 0.5 * (mean + math.sqrt(mean * mean + share * (1.0 - share)))
+
+
 def passive_stiffness(device: float, period: float, delay: float) -> float:
     """Return the spring [N/m] that takes a share of damping `device` [N s/m].
 
     `period` [s]; `delay` in periods.
     """
-    return SHARE * device / (period * (0.5 + delay))
+    return SHARE * device / (period * lateness(delay))
 
 
 def step_power(device: float, period: float, quantum: float, effort_quantum: float) -> float:

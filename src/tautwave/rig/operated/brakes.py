@@ -18,8 +18,12 @@ SLOW = 0.7
 A slower filter bears a larger damper, in proportion; beyond this, its lag takes that away again.
 """
 
-RISE = 0.5
-"""Share of an effort rate limit that the spring may ask for at the velocity limit."""
+RISE = 0.25
+"""Share of an effort rate limit that spring or damper may need at the velocity limit.
+
+The spring's effort rises by K v. The damper's changes by 2 B g v / T where the velocity jumps from
+limit to limit, g the gain of its filter, and takes two of these shares.
+"""
 
 STEPS = 10.0
 """Encoder steps that a brake may give out against the device's damping."""
@@ -63,25 +67,27 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
     period = rig.axis_period_s(axis_name)
     late = delay.periods + delay.remainder_s / period
     effort = keys.hold_effort_share * axis.effort_limit
-    stiffness = passive_stiffness(device, period, late)
+    rise = math.inf
     if axis.effort_rate_limit is not None:
-        stiffness = min(stiffness, RISE * axis.effort_rate_limit / axis.velocity_limit)
+        rise = RISE * axis.effort_rate_limit / axis.velocity_limit
+    stiffness = min(passive_stiffness(device, period, late), rise)
     mass = axis.inertia.lower
     filter_s = SLOW * math.sqrt(mass / stiffness)
+    gain = period / (period + filter_s)
     damper = SampledWall(0.0, 0.0, period, late, filter_s)
-    damping = greatest_damping(damper, SHARE * device)
+    damping = min(greatest_damping(damper, SHARE * device), rise * period / gain)
     quantum = max(axis.encoder_quantum, 4.0 * axis.position_noise)
     held = period * (2.0 + late) + rig.overrun_limit * rig.period_s
     return BrakeParams(
         stiffness=stiffness,
         damping=damping,
-        gain=period / (period + filter_s),
+        gain=gain,
         slip=effort / stiffness,
         period=period,
         device=device,
         quantum=quantum,
-        # A sample that is lost at full stretch lets go of what the spring holds, at most.
-        capital=STEPS * device * quantum**2 / period + 0.5 * effort**2 / stiffness,
+        # What the spring holds from before, and what lost samples make it let go of.
+        capital=STEPS * device * quantum**2 / period + effort**2 / stiffness,
         power=step_power(device, period, quantum, axis.effort_quantum),
         reserve=effort * held * (axis.velocity_limit + 0.5 * effort * held / mass),
     )

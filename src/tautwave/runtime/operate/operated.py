@@ -28,7 +28,7 @@ from tautwave.runtime.operate.journal import Entry, Journal
 from tautwave.runtime.operate.rescaling import held_by, take_scale
 from tautwave.runtime.operate.rest.aligning import Alignment
 from tautwave.runtime.operate.rest.axis import send_resting, sense_resting
-from tautwave.runtime.operate.rest.holds import Holds
+from tautwave.runtime.operate.rest.holds import Holds, spent_sentence
 
 STATE_COLUMNS = (
     "operation.state",
@@ -143,19 +143,20 @@ class OperatedControl(CoupledControl):
         share = min(1.0, (self.state.end - slot) / max(1, self.run.release_cycles))
         for k, q in enumerate(self.pairs):
             for which in (q.master, q.slave):
-                s, p = self.axes[which], self._free[which]
-                effort = 0.0
+                s, p, valid = self.axes[which], self._free[which], self.samples[which].valid
                 free = state == st.IDLE or (state == st.CLUTCHED and which == q.master)
-                free = free or which in self.dead
-                if self.samples[which].valid and not free and not alignment.let_go:
-                    pull = alignment.pulls.get(k) if which == q.slave else None
+                pull = alignment.pulls.get(k) if which == q.slave else None
+                effort = 0.0
+                if free or which in self.dead or alignment.let_go or pull is not None:
+                    self.holds.release(which)
+                    effort = pull.effort(s) if pull and valid and not alignment.let_go else 0.0
+                else:
                     # A hand may lead its master while slaves are brought into place.
                     braked = state != st.ALIGNING or which == q.slave
-                    if pull is None:
-                        effort = self.holds.effort(which, slot, s, p, braked=braked)
-                    else:
-                        effort = pull.effort(s)
+                    effort = self.holds.effort(which, slot, s, p, valid=valid, braked=braked)
                 send_resting(s, p, effort, share * p.ceiling)
+        while self.holds.news:
+            self._event(st.FAULT, spent_sentence(self.names[self.holds.news.pop()].name))
 
     # -- commands and events ------------------------------------------------------------------
 
@@ -287,7 +288,7 @@ class OperatedControl(CoupledControl):
         self._bank()
         self._coupled = False
         end_session(self, self.loads)
-        self._clear_energies()
+        self._clear_energies(held=False)
 
     # -- faults -------------------------------------------------------------------------------
 
@@ -344,7 +345,7 @@ class OperatedControl(CoupledControl):
             )
             return
         self._bank()
-        self._clear_energies()
+        self._clear_energies(held=False)
         self._suspect = False
         self.dead.clear()
         self._seated = [False] * len(self._seated)
@@ -369,8 +370,8 @@ class OperatedControl(CoupledControl):
         self._bank()
         self._clear_energies()
 
-    def _clear_energies(self) -> None:
-        self.holds.begin()
+    def _clear_energies(self, *, held: bool = True) -> None:
+        self.holds.renew() if held else self.holds.begin()
         for s in self.axes:
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
 

@@ -23,6 +23,7 @@ from tautwave.runtime.operate.engagement import drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
 from tautwave.runtime.operate.operated import HOST_OR_SAMPLE, STATE_COLUMNS
+from tautwave.runtime.operate.rest.holds import spent_sentence
 from tautwave.session.sites.accord import Accord, read_accord, settled
 from tautwave.session.sites.control import SiteControl
 from tautwave.sites.control import Session
@@ -82,6 +83,8 @@ class OperatedSite(SiteControl):
             self._forgive(st.FAULT)
         self._take_orders()
         going = super().step(slot, skipped)
+        while news := self._meeting.rest.holds.news:
+            self._event(st.FAULT, spent_sentence(self.names[news.pop()].name))
         if self._heard != self._accord and slot >= self._say_at:
             self._tell()
         return going or self.state.kind == FINISHED

@@ -62,7 +62,6 @@ class Rest:
         self._beyond = False
         self._seated: dict[int, bool] = {}
         self._granted = [0.0] * len(own)
-        self._begun = False
         self.hindrance = ""
         self._resting = False
         self._taken = [0.0] * len(own)
@@ -73,12 +72,16 @@ class Rest:
 
     def begin(self, *, seated: bool) -> None:
         """Begin to rest: to hold; `seated`: the axes have been measured before."""
+        self.anew()
+        self.holds.begin()
+        self._seated = dict.fromkeys(self._own, seated)
+
+    def anew(self) -> None:
+        """Count what the motors take from 0 on; axes stay seated, and held where they are."""
         self.release()
         self._resting = True
-        self._seated = dict.fromkeys(self._own, seated)
         self._granted = self.granted
-        self._begun = True
-        self.holds.begin()
+        self.holds.renew()
         for i in self._own:
             s = self._control.axes[i]
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
@@ -86,22 +89,14 @@ class Rest:
     @property
     def granted(self) -> list[float]:
         """What all alignments and holds so far might supply, by pair [J]."""
-        if not self._begun:
-            return self._granted
-        return [
-            already + self.holds.granted(i) + self.holds.reserve[i]
-            for already, i in zip(self._granted, self._own, strict=True)
-        ]
-
-    def anew(self) -> None:
-        """Count what the motors take from 0 on; axes stay seated."""
-        seated = self._seated
-        self.begin(seated=False)
-        self._seated = seated
+        own = zip(self._granted, self._own, strict=True)
+        return [already + self.holds.granted(i) for already, i in own]
 
     def unseat(self) -> None:
         """Have the axes measured anew: their devices were enabled anew."""
         self._seated = dict.fromkeys(self._own, False)
+        for i in self._own:
+            self.holds.release(i)
 
     def aim(self, targets: Mapping[int, float], slot: int) -> None:
         """Bring the slaves of some pairs to their places [rad or m], or on to other ones.
@@ -186,15 +181,14 @@ class Rest:
         ending = control.stopped or control.state.end < control.run.cycles
         share = min(1.0, (control.state.end - slot) / max(1, control.run.release_cycles))
         for k, i in enumerate(self._own):
-            s, p = control.axes[i], self._params[i]
+            s, p, valid = control.axes[i], self._params[i], control.samples[i].valid
+            pull = None if ending else self._pulls.get(k)
             effort = 0.0
-            free = self.free or self._let_go or i in control.dead
-            if control.samples[i].valid and not free:
-                pull = None if ending else self._pulls.get(k)
-                if pull is None:
-                    effort = self.holds.effort(i, slot, s, p, braked=self.braked)
-                else:
-                    effort = pull.effort(s)
+            if self.free or self._let_go or i in control.dead or pull is not None:
+                self.holds.release(i)
+                effort = pull.effort(s) if pull and valid and not self._let_go else 0.0
+            else:
+                effort = self.holds.effort(i, slot, s, p, valid=valid, braked=self.braked)
             send_resting(s, p, effort, share * control.params[i].ceiling)
 
     def end(self) -> None:
