@@ -182,7 +182,7 @@ def test_a_hold_that_supplied_what_it_may_is_damped_only_and_says_so() -> None:
     brake = params(rig)
     holds = Holds([p], [brake.quantum], [brake])
     s.position, s.port_energy, s.velocity = 0.1, 0.0, 0.5
-    assert holds.granted(0) == 0.0  # before anything is held
+    assert holds.granted(0) == damping_capital(p, brake.quantum)  # before anything is braked
     assert holds.effort(0, 0, s, p) == 0.0  # where it is, it rests
     granted = brake.capital + brake.reserve
     assert holds.granted(0) == granted

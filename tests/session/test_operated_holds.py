@@ -43,7 +43,7 @@ def test_a_hold_after_a_way_that_was_broken_off_has_a_budget_of_its_own(pair: Ma
     s = two.slave.control.axes[two.slave.control._own[0]]
     rest = two.slave.control._meeting.rest
     (which,) = two.slave.control._own
-    capital = rest.holds._damping[which]
+    capital = rest.holds.granted(which)
     assert -s.port_energy > capital  # the way took more than a hold may
     two.slave.ask("hold")
     two.run(20)

@@ -87,7 +87,7 @@ class Holds:
         self._until = [-1] * len(self._acts)
         self._closed = [-1] * len(self._acts)
         self._floor = [0.0] * len(self._acts)
-        self._held = [False] * len(self._acts)
+        self._braked = [False] * len(self._acts)
         self._spent = [False] * len(self._acts)
         self.news: list[int] = []
         """Axes whose brakes have just supplied what they may; they are damped only from then on."""
@@ -104,9 +104,7 @@ class Holds:
     def granted(self, which: int) -> float:
         """Return what may have been supplied to an axis since the beginning [J]."""
         brake = self._brakes[which]
-        if not self._held[which]:
-            return 0.0
-        if brake is None:
+        if brake is None or not self._braked[which]:
             return self._damping[which]
         braked = brake.params.capital + brake.params.reserve + brake.credit
         return braked + (self._damping[which] if self._spent[which] else 0.0)
@@ -132,7 +130,6 @@ class Holds:
         hold still give out was granted to them: joules count from there, else a hold that follows
         a push would not damp.
         """
-        self._held[which] = True
         brake = None if self._spent[which] else self._brakes[which]
         if brake is not None and not braked:
             brake.drop()
@@ -145,6 +142,7 @@ class Holds:
             self._floor[which] = min(self._floor[which], s.port_energy)
         self._closed[which] = slot
         if brake is not None:
+            self._braked[which] = True
             wanted = brake.effort(slot, s.position, p.divisor)
             granted = self.granted(which)
             if s.port_energy >= self._floor[which] - granted:
