@@ -264,6 +264,9 @@ def test_a_load_that_takes_all_the_damping_leaves_none_for_a_brake() -> None:
     smaller = braked(0.3, 0.0, "slave.axes.lever.load={sine: 1.0}", "require=coupled_stable")
     left = params(smaller).device
     assert left == pytest.approx(2e-3 - 1.0 * 1e-3, rel=0.01)
+    late = brake_params(smaller, SLAVE, CommandDelay(0, 0.00025))
+    assert late is not None
+    assert late.device == pytest.approx(2e-3 - 1.5 * 1e-3, rel=0.02)
 
 
 def test_noise_counts_as_the_step_that_is_four_times_its_deviation() -> None:

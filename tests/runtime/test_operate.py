@@ -213,7 +213,7 @@ def test_a_hold_that_gives_out_its_capital_lets_go() -> None:
     ):  # fmt: skip
         s.port_energy = energy
         assert (holds.effort(0, slot, s, p) != 0.0) is damps
-    holds.begin()
+    holds.renew()
     s.port_energy = -5.0  # no sample until slot 19, and what acted late with it
     assert holds.effort(0, 10, s, p) != 0.0
     s.port_energy = -6.0

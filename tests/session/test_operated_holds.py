@@ -7,8 +7,9 @@ import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
-from tests.session.site_days import FREE
 from tests.session.sites import RIG, Pair
+from tests.session.test_aligning import AWAY, missed
+from tests.session.test_aligning import STILL as STILL_HAND
 from tests.session.test_operated_sites import PLACE, SLOW, STILL, Make, both, engage, pair
 
 __all__ = ["pair"]
@@ -58,6 +59,7 @@ def test_a_brake_holds_a_slave_and_its_master_only_while_both_hold(pair: Make) -
     two = pair(moving, load, "sites.hold_effort_share=0.3")
     engage(two, two.slave)
     two.run(150)
+    held: list[float] = []
     for word, state in (("clutch", "clutched"), ("hold", "holding")):
         two.slave.ask(word)
         two.run(2)
@@ -79,15 +81,59 @@ def test_a_brake_holds_a_slave_and_its_master_only_while_both_hold(pair: Make) -
             holds_so_far = 1 if half is two.master else 1 + (state == "holding")
             each = brake.params.reserve + brake.params.capital
             assert half.control._meeting.rest.granted[0] > holds_so_far * each
+        brake = two.slave.control._meeting.rest.holds._brakes[two.slave.control._own[0]]
+        assert brake is not None
+        held.append(brake._anchor)
         assert two.slave.residual() < 1e-9
+    assert held[1] == held[0]  # a new state is no other place
 
 
-def test_between_sessions_that_no_person_operates_only_slaves_are_braked() -> None:
-    two = Pair(FREE, STILL, "sites.hold_effort_share=0.3")
-    try:
-        braked = {half.side: half.control._meeting.rest.braked for half in (two.master, two.slave)}
-    finally:
-        two.close()
+def test_a_brake_of_two_sites_without_its_numbers_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"sites\.hold_effort_share.*needs velocity_limit"):
         load_rig(RIG, ["sites.hold_effort_share=0.3", "slave.axes.lever.velocity_limit=null"])
-    assert braked == {"master": False, "slave": True}
+
+
+def test_a_hand_leads_its_master_while_the_slave_finds_its_place(pair: Make) -> None:
+    moving = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [3, 1]]}"
+    two = pair(moving, *PLACE, "sites.hold_effort_share=0.3")
+    two.slave.ask("engage")
+    two.run(2)
+    two.until(lambda: two.slave["link.aligning"][-1] == 1.0)
+    two.run(60)
+    assert both(two, "aligning")
+    assert np.abs(two.master["master.lever.velocity"][-40:]).max() > 1e-3
+    assert not two.master["master.lever.commanded"][-40:].any()
+
+
+def test_a_slave_whose_way_is_broken_off_is_braked_where_it_is() -> None:
+    two = Pair(AWAY, STILL_HAND, "sites.greatest_backlog=0.01", "sites.hold_effort_share=0.3")
+    try:
+        missed(two)
+        two.until(lambda: two.slave["link.aligning"][-1] == 1.0)
+        two.run(60)
+        two.slave.line.inbox.append({"lost": "its program ended"})
+        two.run(20)
+        two.renew("it is back")
+        two.until(lambda: bool(two.slave.control._meeting.rest._pulls))
+        two.run(250)
+        at = float(two.slave["slave.lever.position"][-1])
+        two.slave.line.inbox.append({"lost": "its program ended"})
+        two.run(100, two.slave)
+        assert np.abs(two.slave["slave.lever.position"][-99:] - at).max() < 0.015
+        sent = two.slave["slave.lever.commanded"][-99:]
+        assert np.abs(sent).max() < 0.015  # it led the axis back with 0.024
+    finally:
+        two.close()
+
+
+def test_a_brake_that_supplied_what_it_may_is_a_fault_of_both_sites(pair: Make) -> None:
+    two = pair(STILL, "sites.hold_effort_share=0.3")
+    engage(two, two.slave)
+    two.slave.ask("clutch")
+    two.run(20)
+    rest = two.slave.control._meeting.rest
+    rest.holds.news.append(two.slave.control._own[0])
+    two.run(3)
+    two.until(lambda: both(two, "holding"))
+    (entry,) = [one for one in two.slave.control.journal.entries if one.word == "fault"]
+    assert entry.text.startswith("slave.lever: its brake has supplied all it may")

@@ -288,7 +288,7 @@ class OperatedControl(CoupledControl):
         self._bank()
         self._coupled = False
         end_session(self, self.loads)
-        self._clear_energies(held=False)
+        self._clear_energies()
 
     # -- faults -------------------------------------------------------------------------------
 
@@ -345,7 +345,7 @@ class OperatedControl(CoupledControl):
             )
             return
         self._bank()
-        self._clear_energies(held=False)
+        self._clear_energies()
         self._suspect = False
         self.dead.clear()
         self._seated = [False] * len(self._seated)
@@ -370,8 +370,8 @@ class OperatedControl(CoupledControl):
         self._bank()
         self._clear_energies()
 
-    def _clear_energies(self, *, held: bool = True) -> None:
-        self.holds.renew() if held else self.holds.begin()
+    def _clear_energies(self) -> None:
+        self.holds.renew()
         for s in self.axes:
             s.port_energy = s.gross_flow = s.uncertainty = 0.0
 

@@ -79,7 +79,6 @@ class Meeting:
         """Of pairs whose rig gives none, once known [rad or m, slave]."""
         self._keeps = False
         self.rest = Rest(control, self._own, approach)
-        self.rest.braked = self._side == 1  # a hand may lead its master
         self.hindrance = ""
         """Why a slave is not in its place, as a sentence."""
         self.join()

@@ -225,7 +225,6 @@ class OperatedSite(SiteControl):
             super().stop_after(self._slot)
         masters = self._side == 0 and accord.state == st.CLUTCHED
         self._meeting.rest.free = masters or accord.state == st.IDLE
-        self._meeting.rest.braked = self._side == 1 or accord.state == st.HOLDING
         if self._suspect and not accord.faulted and accord.state != st.STOPPING:
             self.wants_reset = True
 

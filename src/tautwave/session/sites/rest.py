@@ -67,13 +67,10 @@ class Rest:
         self._taken = [0.0] * len(own)
         self.free = False
         """Whether nothing holds the axes."""
-        self.braked = False
-        """Whether their brakes hold them, if they have any, and not only damping."""
 
     def begin(self, *, seated: bool) -> None:
         """Begin to rest: to hold; `seated`: the axes have been measured before."""
         self.anew()
-        self.holds.begin()
         self._seated = dict.fromkeys(self._own, seated)
 
     def anew(self) -> None:
@@ -188,7 +185,7 @@ class Rest:
                 self.holds.release(i)
                 effort = pull.effort(s) if pull and valid and not self._let_go else 0.0
             else:
-                effort = self.holds.effort(i, slot, s, p, valid=valid, braked=self.braked)
+                effort = self.holds.effort(i, slot, s, p, valid=valid)
             send_resting(s, p, effort, share * control.params[i].ceiling)
 
     def end(self) -> None:

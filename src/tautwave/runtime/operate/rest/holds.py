@@ -34,7 +34,7 @@ class Brake:
         p = self.params
         if self._slot < 0:
             self._anchor = self._position = position
-        elif slot > self._slot:
+        else:
             count = max(1, (slot - self._slot) // divisor)
             moved = position - self._position
             self.credit += device_takes(p, moved, count) + p.power * p.period * count
@@ -74,16 +74,10 @@ class Holds:
         # The last command of before acts for as many closings after the first; a late share of it
         # acts in one more.
         self._acts = [p.delay + (p.late > 0.0) for p in params]
-        self.begin()
-
-    def begin(self) -> None:
-        """Count what the axes supply from 0; nothing held them before."""
-        for which in range(len(self._brakes)):
-            self.release(which)
         self.renew()
 
     def renew(self) -> None:
-        """Count what the axes supply from 0; brakes stay where they are."""
+        """Count what the axes supply from 0; what a brake holds it holds on."""
         self._until = [-1] * len(self._acts)
         self._closed = [-1] * len(self._acts)
         self._floor = [0.0] * len(self._acts)
