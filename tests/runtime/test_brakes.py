@@ -197,6 +197,8 @@ def test_a_hold_that_supplied_what_it_may_is_damped_only_and_says_so() -> None:
     assert holds.effort(0, 5, s, p, valid=False) == pytest.approx(brake.stiffness * 0.05)
     s.count = p.blind
     assert holds.effort(0, 6, s, p, valid=False) == 0.0
+    s.position = 0.25
+    assert holds.effort(0, 6, s, p) == 0.0  # a new place
     assert holds.effort(0, 7, s, p, braked=False) == 2e-3 * 0.5
     s.port_energy = -0.99 * granted
     assert holds.effort(0, 8, s, p) == 0.0  # it was led meanwhile, so this is its place

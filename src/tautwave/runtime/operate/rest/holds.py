@@ -128,8 +128,10 @@ class Holds:
         if brake is not None and not braked:
             brake.drop()
             brake = None
+        if not valid and brake is not None and s.count >= p.blind:
+            brake.drop()
         if not valid:
-            return 0.0 if brake is None or s.count >= p.blind else brake.kept()
+            return 0.0 if brake is None else brake.kept()
         if self._until[which] < 0:
             self._until[which] = slot + self._acts[which]
         if self._closed[which] < self._until[which]:
