@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from tautwave.analysis.walls.limits import greatest_damping
-from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.config import Rig
 from tautwave.config.keys.operate import Resting
 from tautwave.laws.rest.brake import SHARE, BrakeParams, passive_stiffness, step_power
@@ -62,6 +60,10 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
     device = spare_damping(rig, axis_name, delay)
     if keys is None or axis_name not in braked_axes(rig) or device <= 0.0:
         return None
+    # Offline mathematics, loaded by a live run only for a brake, and before anything is enabled.
+    from tautwave.analysis.walls.limits import greatest_damping
+    from tautwave.analysis.walls.sampled import SampledWall
+
     assert axis.inertia is not None
     assert axis.velocity_limit is not None
     period = rig.axis_period_s(axis_name)
