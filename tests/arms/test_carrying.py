@@ -11,7 +11,7 @@ import pytest
 
 from tautwave import simulate
 from tautwave.certificate import certify
-from tautwave.certificate.loads import load_element
+from tautwave.certificate.beside.loads import load_element
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError
 from tautwave.models.load import LoadParams, load_effort, load_energy

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tautwave.certificate.belief import declared_delays
-from tautwave.certificate.loads import load_element
+from tautwave.certificate.beside.loads import load_element
 from tautwave.config import Rig, load_rig
 from tautwave.models.load import LoadParams, load_effort
 from tautwave.rig import build_rig

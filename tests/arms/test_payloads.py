@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tautwave.certificate.belief import declared_delays
-from tautwave.certificate.loads import load_element
+from tautwave.certificate.beside.loads import load_element
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave.rig import build_rig

@@ -15,7 +15,7 @@ from tautwave.analysis.claim import Claim
 from tautwave.bench.inertia import LOWER, attack, felt, lightened_rig
 from tautwave.certificate import certify
 from tautwave.certificate.belief import declared_delays
-from tautwave.certificate.compensation import inertia_claim
+from tautwave.certificate.beside.compensation import inertia_claim
 from tautwave.config import Axis, Rig, load_rig
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.inertia import close_inertia, lighten, start_inertia

@@ -148,6 +148,22 @@ def test_a_stop_or_a_new_hold_on_the_way_to_a_place_brakes_where_the_axis_is() -
         assert np.abs(at[1498]) > 0.2
 
 
+def test_an_axis_in_fault_gets_no_effort_whatever_pulls_or_holds_it() -> None:
+    offset = ("coupling.pairs.lever.offset=0.45", "coupling.pairs.lever.engage_tolerance=0.01")
+    done = operate(braked(0.3, 0.0, STILL, *offset), "0.05 engage", 0.8)
+    control = done.control
+    assert control.alignment.pulls
+    control.state.end = 10**6  # far from the ramp at the end
+    control._rest(900)
+    assert control.axes[1].command != 0.0
+    control.dead.add(1)
+    control._rest(901)
+    assert control.axes[1].command == 0.0
+    control.alignment.clear()
+    control._rest(902)
+    assert control.axes[1].command == 0.0
+
+
 def test_what_is_held_stays_held_from_one_state_to_the_next() -> None:
     """No step of effort, no other place: clutched, held, at another scale, aligning again."""
     keys = ("operate.scales=[0.5]", "coupling.pairs.lever.engage_tolerance=0.5")
@@ -251,6 +267,9 @@ def test_check_states_what_holds_and_what_it_may_supply() -> None:
     coarse = params(braked(0.3, 0.0, "slave.axes.lever.effort_quantum=0.01"))
     drive = 3.0 * 2.094e-5 * 0.01 / period + 0.75 * 0.01**2 / damping
     assert coarse.power == pytest.approx(numbers["hold_w"] + drive)
+    helped = braked(0.3, 0.0, "slave.axes.lever.compensation={viscous: 0.5}")
+    (same,) = [one for one in certify(helped).elements if one.name == f"brake of {SLAVE}"]
+    assert same.numbers == numbers  # what compensates friction does not act at rest
     assert not [one for one in certify(braked(0.0, 0.0)).elements if one.kind == "brake"]
 
 

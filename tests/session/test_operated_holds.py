@@ -117,6 +117,10 @@ def test_a_slave_whose_way_is_broken_off_is_braked_where_it_is() -> None:
         two.until(lambda: bool(two.slave.control._meeting.rest._pulls))
         two.run(250)
         at = float(two.slave["slave.lever.position"][-1])
+        two.slave.control.dead.add(two.slave.control._own[0])  # in fault it gets nothing
+        two.run(1)
+        assert two.slave["slave.lever.commanded"][-1] == 0.0
+        two.slave.control.dead.clear()
         two.slave.line.inbox.append({"lost": "its program ended"})
         two.run(100, two.slave)
         assert np.abs(two.slave["slave.lever.position"][-99:] - at).max() < 0.015

@@ -2,10 +2,10 @@
 
 Three things. The joints' efforts J^T F, weight and posture are held as they will be half-way
 through a period, wrong by no more than their slope h times what the joint moves: of its damping
-that takes h T (1 + 2 d), as a load does (`certificate.loads`). The ports believe of each coordinate
-a least inertia m_i and damping b_i; the arm has them in every direction at once where the greatest
-eigenvalue of D J M^-1 J^T D, D the roots of the m_i, is at most 1. And no joint may be asked for
-more than its limit. All three are sampled over the joints' ranges.
+that takes h T (1 + 2 d), as a load does (`certificate.beside.loads`). The ports believe of each
+coordinate a least inertia m_i and damping b_i; the arm has them in every direction at once where
+the greatest eigenvalue of D J M^-1 J^T D, D the roots of the m_i, is at most 1. And no joint may be
+asked for more than its limit. All three are sampled over the joints' ranges.
 """
 
 from __future__ import annotations

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from tautwave.certificate.belief import declared_delays
-from tautwave.certificate.brakes import brake_element
-from tautwave.certificate.buses import bus_elements, policy_elements
-from tautwave.certificate.compensation import (
+from tautwave.certificate.beside.brakes import brake_elements
+from tautwave.certificate.beside.compensation import (
     compensation_elements,
     inertia_elements,
     left_of_friction,
     lightened_loop,
     spent_coulomb,
 )
+from tautwave.certificate.beside.loads import load_element
+from tautwave.certificate.buses import bus_elements, policy_elements
 from tautwave.certificate.couplings import coupling_verdict
 from tautwave.certificate.data import Certificate, Element, Verdict, join_verdicts
 from tautwave.certificate.derate import derate_walls
-from tautwave.certificate.loads import load_element
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import wall_element
 from tautwave.config import Rig, local_wall
@@ -68,6 +68,7 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
         )
 
         return scene_certificate(rig, delays, PASSES)
+    brakes = tuple(brake_elements(rig, delays))
     compensations = (*compensation_elements(rig), *inertia_elements(rig, delays))
     rig = left_of_friction(rig)
     friction = {name: left - spent_coulomb(rig, name) for name, left in friction.items()}
@@ -77,6 +78,7 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
     elements = (
         *_elements(rig, delays, friction, asked),
         *own,
+        *brakes,
         *bus_elements(rig, delays),
         *policy_elements(rig),
     )
@@ -114,9 +116,6 @@ def _elements(
             if load is not None:
                 yield load
                 damping += float(load.numbers.get("needed_damping", 0.0))
-            brake = brake_element(own, axis_name, delays)
-            if brake is not None:
-                yield brake
             yield from verdict.axis_elements(rig, axis_name, delays, damping)
         yield from verdict.pair_elements(rig, pair, delays)
 

@@ -23,6 +23,7 @@ from tautwave.rig.arms import (
     joint_ranges,
     load_params,
     load_reserves,
+    load_stiffnesses,
     own_carried,
     postures,
     with_payloads,
@@ -40,6 +41,16 @@ TAKEN_UP_S = 0.5
 
 UNDONE_S = 0.05
 """How long it takes to undo one: a wrong payload drives the arm until then."""
+
+
+def carried_damping(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
+    """Return what carrying an axis' load takes of its damping [N m s/rad | N s/m].
+
+    See `certificate.beside.loads` for why.
+    """
+    slope = load_stiffnesses(rig, axis_name.partition(".")[0])[axis_name]
+    late = delay.periods + delay.remainder_s / rig.period_s
+    return slope * rig.period_s * (1.0 + 2.0 * late)
 
 
 def side_loads(

@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall
-from tautwave.certificate.loads import load_element
+from tautwave.certificate.beside.loads import load_element
 from tautwave.config import Rig, local_wall
 from tautwave.laws.limit import LimitParams
 from tautwave.rig import coupling_law, make_control, pair_scale

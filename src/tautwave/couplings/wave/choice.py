@@ -32,9 +32,9 @@ from typing import NamedTuple
 
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.wave_port.chatter import NoisyEnd, chatter, step_effort
-from tautwave.certificate.compensation import left_of_friction, spent_coulomb
+from tautwave.certificate.beside.compensation import left_of_friction, spent_coulomb
+from tautwave.certificate.beside.loads import load_element
 from tautwave.certificate.derate import derate_walls
-from tautwave.certificate.loads import load_element
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Rig, local_wall
 from tautwave.config.keys.common import AUTO

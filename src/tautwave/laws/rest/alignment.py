@@ -75,7 +75,7 @@ def align_law(
     brake = min(mass / (3.0 * lag), mass * within)
     effort = min(effort, friction + brake * speed)
     held = 2.0 * period + delay + stalled + 0.5 * effort / rate
-    reserve = effort * held * (max(speed, fastest) + 0.5 * effort * held / mass)
+    reserve = held_work(effort, held, max(speed, fastest), mass)
     return AlignParams(
         stiffness=mass * frequency * frequency,
         damping=2.0 * DAMPED * mass * frequency,
@@ -87,6 +87,14 @@ def align_law(
         brake=brake,
         friction=friction,
     )
+
+
+def held_work(effort: float, held: float, speed: float, mass: float) -> float:
+    """Return what an effort [N] that stays for `held` s may give [J] to a device of `mass` [kg].
+
+    It moves with `speed` [m/s], and is driven beyond.
+    """
+    return effort * held * (speed + 0.5 * effort * held / mass)
 
 
 def align_budget(

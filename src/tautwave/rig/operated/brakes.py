@@ -6,8 +6,10 @@ import math
 
 from tautwave.config import Rig
 from tautwave.config.keys.operate import Resting
+from tautwave.laws.rest.alignment import held_work
 from tautwave.laws.rest.brake import SHARE, BrakeParams, passive_stiffness, step_power
-from tautwave.rig.arms import load_reserves, load_stiffnesses
+from tautwave.rig.arms import load_reserves
+from tautwave.rig.carrying import carried_damping
 from tautwave.types import CommandDelay
 
 SLOW = 0.7
@@ -33,7 +35,7 @@ def resting_keys(rig: Rig) -> Resting | None:
 
 
 def braked_axes(rig: Rig) -> list[str]:
-    """Return the full names of the axes that have a brake; others take velocities, or rest free."""
+    """Return the full names of the axes that have a brake; the others take velocities."""
     keys = resting_keys(rig)
     if keys is None or keys.hold_effort_share == 0.0:
         return []
@@ -41,13 +43,17 @@ def braked_axes(rig: Rig) -> list[str]:
 
 
 def spare_damping(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
-    """Return the device's certain damping less what its load's compensation takes [N m s/rad]."""
+    """Return the device's certain damping less what carrying its load takes [N m s/rad | N s/m]."""
     lower = rig.axes[axis_name].damping.lower
     if axis_name not in load_reserves(rig):
         return lower
-    slope = load_stiffnesses(rig, axis_name.partition(".")[0])[axis_name]
-    late = delay.periods + delay.remainder_s / rig.period_s
-    return lower - slope * rig.period_s * (1.0 + 2.0 * late)
+    return lower - carried_damping(rig, axis_name, delay)
+
+
+def quantum_of(rig: Rig, axis_name: str) -> float:
+    """Return the motion of an axis at rest that its encoder may show [rad or m]."""
+    axis = rig.axes[axis_name]
+    return max(axis.encoder_quantum, 4.0 * axis.position_noise)
 
 
 def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams | None:
@@ -57,8 +63,10 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
     quarter.
     """
     keys, axis = resting_keys(rig), rig.axes[axis_name]
+    if keys is None or axis_name not in braked_axes(rig):
+        return None
     device = spare_damping(rig, axis_name, delay)
-    if keys is None or axis_name not in braked_axes(rig) or device <= 0.0:
+    if device <= 0.0:
         return None
     # Offline mathematics, loaded by a live run only for a brake, and before anything is enabled.
     from tautwave.analysis.walls.limits import greatest_damping
@@ -78,7 +86,7 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
     gain = period / (period + filter_s)
     damper = SampledWall(0.0, 0.0, period, late, filter_s)
     damping = min(greatest_damping(damper, SHARE * device), rise * period / gain)
-    quantum = max(axis.encoder_quantum, 4.0 * axis.position_noise)
+    quantum = quantum_of(rig, axis_name)
     held = period * (2.0 + late) + rig.overrun_limit * rig.period_s
     return BrakeParams(
         stiffness=stiffness,
@@ -91,5 +99,5 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
         # What the spring holds from before, and what lost samples make it let go of.
         capital=STEPS * device * quantum**2 / period + effort**2 / stiffness,
         power=step_power(device, period, quantum, axis.effort_quantum),
-        reserve=effort * held * (axis.velocity_limit + 0.5 * effort * held / mass),
+        reserve=held_work(effort, held, axis.velocity_limit, mass),
     )

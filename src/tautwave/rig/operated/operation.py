@@ -11,7 +11,7 @@ from tautwave.controller.records import AxisParams
 from tautwave.laws.rest.alignment import align_law
 from tautwave.laws.rest.brake import BrakeParams
 from tautwave.rig.controller import make_control
-from tautwave.rig.operated.brakes import brake_params
+from tautwave.rig.operated.brakes import brake_params, quantum_of
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.rest.pull import PullParams
@@ -113,9 +113,3 @@ def _pull(rig: Rig, keys: Resting, name: str, p: AxisParams, tolerance: float) -
         p.site.limit.position_low,
         p.site.limit.position_high,
     )
-
-
-def quantum_of(rig: Rig, axis_name: str) -> float:
-    """Return the motion of an axis at rest that its encoder may show [rad or m]."""
-    axis = rig.axes[axis_name]
-    return max(axis.encoder_quantum, 4.0 * axis.position_noise)

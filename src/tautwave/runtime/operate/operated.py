@@ -137,7 +137,7 @@ class OperatedControl(CoupledControl):
                 self._event(st.RELEASED, f"{name}: the dead-man was released")
 
     def _rest(self, slot: int) -> None:
-        """Decide what every axis does in the next period."""
+        """Decide what every axis does next; a hand may lead its master while its slave aligns."""
         state = self.standing.state
         alignment = self.alignment
         share = min(1.0, (self.state.end - slot) / max(1, self.run.release_cycles))
@@ -147,11 +147,12 @@ class OperatedControl(CoupledControl):
                 free = state == st.IDLE or (state == st.CLUTCHED and which == q.master)
                 pull = alignment.pulls.get(k) if which == q.slave else None
                 effort = 0.0
-                if free or which in self.dead or alignment.let_go or pull is not None:
+                if free or which in self.dead or alignment.let_go:
                     self.holds.release(which)
-                    effort = pull.effort(s) if pull and valid and not alignment.let_go else 0.0
+                elif pull is not None:
+                    self.holds.release(which)
+                    effort = pull.effort(s) if valid else 0.0
                 else:
-                    # A hand may lead its master while slaves are brought into place.
                     braked = state != st.ALIGNING or which == q.slave
                     effort = self.holds.effort(which, slot, s, p, valid=valid, braked=braked)
                 send_resting(s, p, effort, share * p.ceiling)

@@ -16,7 +16,8 @@ from tautwave.config import Rig
 from tautwave.config.halves import OF_ONE_END
 from tautwave.errors import LinkError
 from tautwave.rig import Assembly, coupling_part
-from tautwave.rig.operated.operation import quantum_of, rig_brakes, site_pulls
+from tautwave.rig.operated.brakes import quantum_of
+from tautwave.rig.operated.operation import rig_brakes, site_pulls
 from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.loop import LoopResult

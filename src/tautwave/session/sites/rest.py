@@ -25,9 +25,8 @@ class Approach(NamedTuple):
     """What brings slaves into place.
 
     `pulls` by pair, of those that can be; `quanta` [rad or m] are the axes' encoder steps, `brakes`
-    what brakes them at rest;
-    `offsets` the pairs whose rig gives one; `tolerances` [rad or m, slave] by pair how far from its
-    place it may begin.
+    what brakes them at rest; `offsets` the pairs whose rig gives one; `tolerances` [rad or m,
+    slave] by pair how far from its place it may begin.
     """
 
     pulls: Mapping[int, PullParams]
@@ -181,9 +180,11 @@ class Rest:
             s, p, valid = control.axes[i], self._params[i], control.samples[i].valid
             pull = None if ending else self._pulls.get(k)
             effort = 0.0
-            if self.free or self._let_go or i in control.dead or pull is not None:
+            if self.free or self._let_go or i in control.dead:
                 self.holds.release(i)
-                effort = pull.effort(s) if pull and valid and not self._let_go else 0.0
+            elif pull is not None:
+                self.holds.release(i)
+                effort = pull.effort(s) if valid else 0.0
             else:
                 effort = self.holds.effort(i, slot, s, p, valid=valid)
             send_resting(s, p, effort, share * control.params[i].ceiling)

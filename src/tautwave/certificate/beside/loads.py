@@ -21,7 +21,7 @@ from tautwave.rig.arms import (
     load_reserves,
     load_stiffnesses,
 )
-from tautwave.rig.carrying import felt_swing, payload_swing
+from tautwave.rig.carrying import carried_damping, felt_swing, payload_swing
 from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
 
@@ -56,7 +56,7 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken
     effort = "N m" if rotary else "N"
     slope = load_stiffnesses(rig, axis_name.partition(".")[0])[axis_name]
     late = delay.periods + delay.remainder_s / rig.period_s
-    needed = slope * rig.period_s * (1.0 + 2.0 * late)
+    needed = carried_damping(rig, axis_name, delay)
     left = max(axis.damping.lower - taken, 0.0)
     friction = slope * axis.encoder_quantum * (1.0 + late)
     numbers = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
@@ -11,15 +11,19 @@ from tautwave.rig.operated.brakes import brake_params, braked_axes
 from tautwave.types import CommandDelay
 
 
-def brake_element(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> Element | None:
-    """Return the verdict on an axis' brake, None without one.
+def brake_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
+    """Yield the verdict on each axis' brake.
 
-    A wall takes no part: at rest none is rendered.
+    Walls take no part, nor does compensated friction: neither acts at rest.
     """
-    if axis_name not in braked_axes(rig):
-        return None
+    for name in braked_axes(rig):
+        if name in rig.own_axes:
+            yield _brake(rig, name, delays[name])
+
+
+def _brake(rig: Rig, axis_name: str, delay: CommandDelay) -> Element:
     name = f"brake of {axis_name}"
-    p = brake_params(rig, axis_name, delays[axis_name])
+    p = brake_params(rig, axis_name, delay)
     if p is None:
         verdict = Verdict(
             False,
