@@ -195,7 +195,9 @@ def test_the_port_is_compared_part_by_part(monkeypatch: pytest.MonkeyPatch, comp
 
     monkeypatch.setattr(cost, "part_costs", parts)
     monkeypatch.setattr(
-        cost, "step_costs", lambda rigs, _: dict(zip(rigs, (250.0, 275.0), strict=True))
+        cost,
+        "step_costs",
+        lambda rigs, _: dict(zip(rigs, (200.0, 250.0, 250.0, 275.0), strict=True)),
     )
     monkeypatch.setattr(cost, "has_numba", lambda: compiled)
     said: list[str] = []
@@ -208,14 +210,17 @@ def test_the_port_is_compared_part_by_part(monkeypatch: pytest.MonkeyPatch, comp
         ["think, plain Python", 1000.0, 2600.0, 2.6],
         ["both, plain Python", 4000.0, 3000.0, 0.75],
     ]
-    step = ["step of the bench, compiled", 250.0, 275.0, 1.1]
-    assert table.rows == ([*rows, step] if compiled else rows)
+    steps = [
+        ["step of the bench, compiled, 1 s", 200.0, 250.0, 1.25],
+        ["step of the bench, compiled, 6 s", 250.0, 275.0, 1.1],
+    ]
+    assert table.rows == ([*rows, *steps] if compiled else rows)
     assert goals == [
         Goal("think of the port, plain Python", 2.5, "us", 2.6),
         Goal("close of the port, plain Python", 1.5, "us", 1.25),
-        Goal("compiled step, over the port before", 1.15, "times", 1.1)
+        Goal("compiled step over the port before, 6 s", 1.15, "times", 1.1)
         if compiled
-        else Goal("compiled step, over the port before", 1.15, "times", None, why_not=NO_NUMBA),
+        else Goal("compiled step over the port before, 6 s", 1.15, "times", None, why_not=NO_NUMBA),
     ]
     assert [goal.met for goal in goals] == [False, True, True if compiled else None]
     assert (

@@ -52,8 +52,10 @@ class PortParams(NamedTuple):
     """Constants of one port, in the device's own units.
 
     period T [s]; impedance b; root = sqrt(2 b); half_mobility = T / (2 mass lower bound);
-    divisor = 1 + b half_mobility + b slip; slip = 1 / series damper, 0 without, 1/b to match the
-    line; lead: periods from a sample to the middle of the period in which its command acts;
+    divisor = 1 + b half_mobility + b slip; coast_gain = b / divisor and wave_gain = root / divisor:
+    effort per velocity and per arriving wave; advance_gain = root / T: leaving wave per
+    displacement; slip = 1 / series damper, 0 without, 1/b to match the line; lead: periods from a
+    sample to the middle of the period in which its command acts;
     filter_gain: step of the wave filter, 1 without; kept [J/W]: what the filter still has to send
     per squared wave; repay: share of the unsent wave integral that is sent per period; reserve E0
     [J]; leak [J per period]; half_period [s] and ahead = lead T [s], as they are used.
@@ -64,6 +66,9 @@ class PortParams(NamedTuple):
     root: float
     half_mobility: float
     divisor: float
+    coast_gain: float
+    wave_gain: float
+    advance_gain: float
     slip: float
     lead: float
     filter_gain: float
@@ -109,15 +114,20 @@ def port_params(
         E0 [J], see `port_reserve`; energy [J] given to the tank each period.
     """
     mobility = period / (2.0 * mass)
+    root = math.sqrt(2.0 * impedance)
     slip = 0.0
     if matched:
         slip = 1.0 / impedance
+    divisor = 1.0 + impedance * mobility + impedance * slip
     return PortParams(
         period,
         impedance,
-        math.sqrt(2.0 * impedance),
+        root,
         mobility,
-        1.0 + impedance * mobility + impedance * slip,
+        divisor,
+        impedance / divisor,
+        root / divisor,
+        root / period,
         slip,
         delay + 0.5,
         filter_gain,
@@ -181,7 +191,7 @@ def port_effort(
         Arriving wave [W**0.5].
     """
     coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
-    effort = (p.impedance * coast - p.root * arriving) / p.divisor
+    effort = p.coast_gain * coast - p.wave_gain * arriving
     ahead = coast - (p.half_mobility + p.slip) * effort
     given = -effort * ahead * p.period
     funds = account + p.half_period * arriving * arriving
@@ -254,17 +264,19 @@ def port_close(
         span = periods * period
         arriving = wave_sum / periods
         leak = periods * leak
-    rate = advance / span
+    plain = p.advance_gain * advance
+    if periods != 1.0:
+        plain = plain / periods
     moved = displacement
     dissipated = 0.0
     if p.slip != 0.0:
         slipped = p.slip * effort
-        rate = rate - slipped
+        plain = plain - p.root * slipped
         moved = displacement - span * slipped
         dissipated = effort * slipped * span
     income = effort * moved + wave_energy
     account = account + income + leak
-    plain = p.root * rate - arriving
+    plain = plain - arriving
     filtered = filtered + p.filter_gain * (plain - filtered)
     leaving = filtered
     if gap != 0.0:
