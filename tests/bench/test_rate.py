@@ -24,9 +24,11 @@ def test_pairs_are_alike_but_for_their_names() -> None:
 def test_a_case_is_measured_beside_an_empty_loop() -> None:
     found = measure(0.1, 2, pairs=(1,), rates_hz=(1000,), engines=("python",))
     [case] = found["cases"]
-    assert set(case["missed_share"]) == {"python", "empty"}
+    assert set(case["missed_share"]) == {"python", "counting", "empty"}
     share = case["compute_share"]["python"]
     assert 0.0 < share["p50"] <= share["p99"] <= share["p999"]
+    counted = case["compute_share"]["counting"]
+    assert 0.0 < counted["p50"] <= counted["p99"] <= counted["p999"]
     assert found["seconds"] == 0.2
 
 
@@ -59,19 +61,22 @@ def test_a_measuring_process_that_fails_is_one_sentence() -> None:
 
 
 def test_goals_are_those_of_the_compiled_loop() -> None:
+    slow = {"p50": 0.1, "p99": 0.2, "p999": 0.6, "max": 0.9}
     quick = {"p50": 0.1, "p99": 0.2, "p999": 0.3, "max": 0.9}
     cases = [
         {
             "pairs": pairs,
             "rate_hz": rate,
-            "missed_share": {"python": 0.5, "compiled": missed, "empty": empty},
-            "compute_share": {"python": quick, "compiled": quick},
-            "stopped": {"python": [], "compiled": []},
+            "missed_share": {
+                "python": 0.5, "compiled": missed, "counting": empty, "empty": empty
+            },
+            "compute_share": {"python": quick, "compiled": quick, "counting": slow},
+            "stopped": {"python": [], "compiled": [], "counting": []},
         }
         for pairs, rate, missed, empty in ((1, 10000, 0.002, 0.001), (6, 4000, 0.0, 0.0),
                                            (2, 1000, 0.0, 0.0))
     ]  # fmt: skip
     suite = rate_suite({"cases": cases, "seconds": 1.0, "realtime": ["not requested"]})
-    assert len(suite.tables[0].rows) == 6
-    assert [goal.measured for goal in suite.goals] == [30.0, 2.0, 30.0, 0.0]
-    assert [goal.met for goal in suite.goals] == [True, False, True, True]
+    assert len(suite.tables[0].rows) == 9
+    assert [goal.measured for goal in suite.goals] == [30.0, 0.5, 2.0, 30.0, 0.5, 0.0]
+    assert [goal.met for goal in suite.goals] == [True, True, False, True, True, True]

@@ -1,8 +1,10 @@
 """How fast the live loop can go: 1, 2 and 6 pairs at 1 to 10 kHz, in Python and compiled.
 
 `python -m tautwave.bench.live.rate SECONDS ROUNDS` prints one JSON object. On the machine's clock,
-with recorder, collector off and what real-time conditions are granted; the engines and a loop that
-only sleeps take turns in one process, so that other load on the machine affects all of them.
+with recorder, collector off and what real-time conditions are granted. The engines, a loop that
+only sleeps, and one that counts for as long as the last engine's median cycle take turns in one
+process, so that other load on the machine affects all of them: what the counting loop shows in the
+tail is the machine's.
 """
 
 from __future__ import annotations
@@ -29,6 +31,12 @@ RATES_HZ = (1000, 2000, 4000, 10000)
 ENGINES = ("python", "compiled")
 GOALS = ((1, 10000), (6, 4000))
 """Pairs and rates that the compiled loop must keep."""
+
+COUNTING = "counting"
+"""Name of the loop that only counts, among the engines of the table."""
+
+TRIAL_S, TRIAL_TURNS = 0.1, 200
+"""How long, and how far, the counting loop counts to find out how long a turn takes."""
 
 
 class Paced(NamedTuple):
@@ -66,14 +74,23 @@ def pairs_rig(pairs: int, rate_hz: int, engine: str) -> Rig:
     return parse_rig(json.dumps(one))
 
 
-def empty_loop(rate_hz: int, seconds: float) -> tuple[int, int]:
-    """Sleep from slot to slot as the loop does and do nothing; return slots run and missed."""
+def empty_loop(rate_hz: int, seconds: float, turns: int = 0) -> tuple[int, int, Histogram]:
+    """Sleep from slot to slot as the loop does, and count `turns` in each slot.
+
+    Returns slots run and missed, and the time from waking to the end of counting.
+    """
     clock = MonotonicClock()
+    compute = Histogram()
     period = round(1e9 / rate_hz)
     deadline = clock.now_ns()
     slot = ran = missed = 0
     while slot < seconds * rate_hz:
         ran += 1
+        awake = clock.now_ns()
+        counted = 1.0
+        for _ in range(turns):
+            counted = counted * 0.999 + 0.5
+        compute.add(clock.now_ns() - awake)
         deadline += period
         slot += 1
         clock.sleep_until(deadline)
@@ -82,7 +99,17 @@ def empty_loop(rate_hz: int, seconds: float) -> tuple[int, int]:
             slot += skipped
             deadline += skipped * period
             missed += skipped
-    return ran, missed
+    return ran, missed, compute
+
+
+def _count_as_long(paced: Paced, engine: str, seconds: float) -> None:
+    """Run the counting loop for as many turns as take the median of an engine's cycles."""
+    _, _, trial = empty_loop(paced.rate_hz, TRIAL_S, TRIAL_TURNS)
+    turns = TRIAL_TURNS * paced.compute[engine].quantile_us(0.5) / trial.quantile_us(0.5)
+    ran, missed, compute = empty_loop(paced.rate_hz, seconds, round(turns))
+    paced.compute[COUNTING].add_all(compute)
+    paced.ran[COUNTING] += ran
+    paced.missed[COUNTING] += missed
 
 
 def _run(paced: Paced, engine: str, seconds: float) -> None:
@@ -115,16 +142,18 @@ def measure(
         requests = list(granted)
         for count in pairs:
             for rate_hz in rates_hz:
-                zero = dict.fromkeys((*engines, "empty"), 0)
-                times = {name: Histogram() for name in engines}
-                why: dict[str, list[str]] = {name: [] for name in engines}
+                shown = (*engines, COUNTING)
+                zero = dict.fromkeys((*shown, "empty"), 0)
+                times = {name: Histogram() for name in shown}
+                why: dict[str, list[str]] = {name: [] for name in shown}
                 paced = Paced(count, rate_hz, times, dict(zero), dict(zero), why)
                 for _ in range(rounds):
-                    ran, missed = empty_loop(rate_hz, seconds)
+                    ran, missed, _ = empty_loop(rate_hz, seconds)
                     paced.ran["empty"] += ran
                     paced.missed["empty"] += missed
                     for engine in engines:
                         _run(paced, engine, seconds)
+                    _count_as_long(paced, engines[-1], seconds)
                 found.append(_figures(paced))
     return {"realtime": requests, "seconds": seconds * rounds, "cases": found}
 
@@ -180,6 +209,15 @@ def rate_suite(measured: dict[str, Any]) -> Suite:
                 what = f"{case['pairs']} {plural} at {case['rate_hz'] / 1000:g} kHz, compiled"
                 busy = 100.0 * share["p999"]
                 goals.append(Goal(f"{what}: p99.9 of compute", 50.0, "% of the period", busy))
+                machine = case["compute_share"][COUNTING]["p999"]
+                goals.append(
+                    Goal(
+                        f"{what}: p99.9 of compute",
+                        1.5,
+                        "times the counting loop's",
+                        share["p999"] / machine,
+                    )
+                )
                 ratio = missed / empty if empty > 0.0 else (0.0 if missed == 0.0 else float("inf"))
                 goals.append(
                     Goal(f"{what}: slots missed", 1.1, "times the empty loop's", min(ratio, 1e9))
@@ -190,8 +228,9 @@ def rate_suite(measured: dict[str, Any]) -> Suite:
             Table(
                 "Compute time as a share of the period, and slots missed",
                 "wall time of a cycle on the machine's clock, loopback devices and recording "
-                f"included, in bins of 1 us; {measured['seconds']:g} s of each, engines and an "
-                f"empty sleeping loop taking turns; {'; '.join(measured['realtime'])}"
+                f"included, in bins of 1 us; {measured['seconds']:g} s of each, engines, an empty "
+                "sleeping loop and one that counts for as long as the median of the last engine "
+                f"taking turns; {'; '.join(measured['realtime'])}"
                 f"{_why(measured)}",
                 (
                     "pairs", "rate_hz", "engine", "p50_percent", "p99_percent", "p999_percent",
