@@ -14,7 +14,7 @@ from tautwave.config.keys.arm import Chain, Point
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError, TautwaveError
-from tautwave.models.chain.build import is_inertia, roll_pitch_yaw
+from tautwave.models.chain.build import roll_pitch_yaw
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.chain.task import COORDINATES, TaskParams, at_home
 from tautwave.registry import load_driver
@@ -141,13 +141,6 @@ class ArmOptions(Block):
 
     def _moving(self, place: str, keys: Chain) -> list[str]:
         """Return the kinds of the joints of a chain, which have to be as many as are named."""
-        for number, row in enumerate(keys.dh or ()):
-            if not is_inertia(*row.inertia):
-                raise PydanticCustomError(
-                    "chain",
-                    "{place}.dh.{number}.inertia: not physically possible for a rigid body",
-                    {"place": place, "number": number},
-                )
         try:
             links, _ = chain_links(keys)
         except ConfigError as err:

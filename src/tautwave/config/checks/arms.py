@@ -12,7 +12,6 @@ from tautwave.config.pieces import SIDES, Parts
 from tautwave.config.text.document import Document
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
-from tautwave.models.chain.build import is_inertia
 from tautwave.types import UNDO_PAYLOAD
 
 KINDS = {"turns": "rotary", "slides": "linear"}
@@ -163,11 +162,6 @@ def _check_arm(
     keys: Chain | None = salvage(model, document.get(path))
     if keys is None:
         return
-    for number, row in enumerate(keys.dh or ()):
-        if not is_inertia(*row.inertia):
-            document.report(
-                (*path, "dh", number, "inertia"), "not physically possible for a rigid body"
-            )
     at = (*path, "urdf" if keys.urdf is not None else "dh")
     try:
         links, _ = chain_links(keys)

@@ -7,14 +7,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Block, Name, NonNegative
 from tautwave.config.keys.load import REFLECTED
+from tautwave.models.chain.build import is_inertia
 
 Point = tuple[float, float, float]
 NOWHERE: Point = (0.0, 0.0, 0.0)
+Moments = tuple[float, float, float, float, float, float]
+
+
+def _check_inertia(moments: Moments) -> Moments:
+    if not is_inertia(*moments):
+        raise PydanticCustomError("inertia", "not physically possible for a rigid body")
+    return moments
 
 
 class DhRow(Block):
@@ -33,7 +41,7 @@ class DhRow(Block):
     alpha: float = Field(default=0.0, description="[rad] Turn about x.")
     mass: NonNegative = Field(default=0.0, description="[kg] Of the link.")
     centre: Point = Field(default=NOWHERE, description="[m] Centre of mass.")
-    inertia: tuple[float, float, float, float, float, float] = Field(
+    inertia: Annotated[Moments, AfterValidator(_check_inertia)] = Field(
         default=(0.0,) * 6,
         description="[kg m^2] About the centre of mass: xx, yy, zz, xy, xz, yz.",
     )
