@@ -187,7 +187,7 @@ def test_a_fault_before_the_first_cycle_leaves_out_what_never_was(tmp_path, colu
         assert title not in page.text
     assert "Axes" in page.text
     lines = [section.title for section in summary_sections("a", {"cycles": 0}, tmp_path, 5)]
-    assert lines[1:] == ["Devices", "Left out", "Files"]
+    assert lines[1:] == ["Devices", "Unused elements", "Files"]
 
 
 def test_the_element_that_generated_most_is_named(tmp_path, columns):

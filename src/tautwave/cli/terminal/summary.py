@@ -40,7 +40,7 @@ def summary_sections(
         *([Section("Operation", ("", ""), list(_operation(summary)))] * ("operation" in summary)),
         *(motion if number(summary.get("cycles")) != 0.0 else ()),
         Section("Devices", ("", ">lost", ">late", "faults"), list(_devices(summary))),
-        Section("Left out", ("", ""), list(_left_out(summary))),
+        Section("Unused elements", ("", ""), list(_left_out(summary))),
         Section(
             "Files",
             ("",),

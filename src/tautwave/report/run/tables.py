@@ -329,7 +329,7 @@ def left_out_table(run: Run) -> Table:
         else:
             what, _, why = str(entry).partition(": ")
         rows.append((what, why or "–"))
-    return Table("Left out", ("element", "why"), tuple(rows))
+    return Table("Unused elements", ("element", "why"), tuple(rows))
 
 
 def included_table(run: Run) -> Table:
@@ -339,4 +339,4 @@ def included_table(run: Run) -> Table:
         for name in run.elements(pair):
             what = ELEMENT.get(name.partition("_")[0], "")
             rows.append((f"{name.replace('_', ' ')} of {pair}", what or "–"))
-    return Table("In this run", ("element", "description"), tuple(rows))
+    return Table("Used elements", ("element", "description"), tuple(rows))
