@@ -142,10 +142,15 @@ def made(monkeypatch: pytest.MonkeyPatch, path: Path, bus: str, *more: str) -> t
     return PLUGIN.make(options, BusSpec(bus, axes, 1000.0), None, None), joints  # type: ignore[arg-type]
 
 
-def test_home_is_the_first_of_the_postures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two joints in a plane: what they are asked for at home, in closed form."""
+@pytest.mark.parametrize("pull", [0.0, 9.81])
+def test_home_is_the_first_of_the_postures(monkeypatch: pytest.MonkeyPatch, pull: float) -> None:
+    """Two joints in a plane: what they are asked for at home, in closed form.
+
+    `pull` is the share of gravity in the plane [m/s^2].
+    """
     monkeypatch.setattr("tautwave_drivers.arm.verdict.POSTURES", 1)
-    rig = load_rig(PLANAR, ["buses.hand.options.posture=0.5"])
+    weighing = f"buses.hand.options.chain.gravity=[0.0, {-pull}, 0.0]"
+    rig = load_rig(PLANAR, ["buses.hand.options.posture=0.5", weighing])
     options = PLUGIN.options.model_validate(rig.buses["hand"].options)
     axes = tuple(
         AxisSpec(name, axis.id, axis.kind, "impedance", axis.effort_limit)
@@ -161,8 +166,13 @@ def test_home_is_the_first_of_the_postures(monkeypatch: pytest.MonkeyPatch) -> N
          upper * math.cos(shoulder) + fore * math.cos(shoulder + elbow)),
         (-fore * math.sin(shoulder + elbow), fore * math.cos(shoulder + elbow)),
     ]  # fmt: skip
-    for joint, (x, y) in zip(found, tip, strict=False):
+    # Of 0.1 kg in the middle of the upper arm, 0.08 kg in the middle of the forearm.
+    fore_at = 0.5 * fore * math.cos(shoulder + elbow)
+    upper_at = upper * math.cos(shoulder)
+    weights = [pull * (0.1 * 0.5 * upper_at + 0.08 * (upper_at + fore_at)), pull * 0.08 * fore_at]
+    for joint, (x, y), weight in zip(found, tip, weights, strict=False):
         asked = 8.0 * (abs(x) + abs(y)) + 8.0 * math.hypot(x, y)  # axes, then the wall
+        asked += abs(weight)
         assert joint.numbers["greatest_effort"] == pytest.approx(asked, rel=1e-9)
 
 

@@ -164,6 +164,13 @@ def test_either_alone_engages_the_run_unless_a_person_shall(plugin: ModuleType) 
             one.disconnect()
 
 
+def test_settings_are_given_by_name(plugin: ModuleType) -> None:
+    """As LeRobot's own, whose first is `id`: a rig by position would become it elsewhere."""
+    for kind in ("Slave", "Master"):
+        with pytest.raises(TypeError, match="positional"):
+            vars(plugin)[f"Tautwave{kind}Config"](str(RIG))
+
+
 def test_features_are_the_keys_that_come(plugin: ModuleType) -> None:
     slave, master = devices(plugin)
     assert not slave.is_connected

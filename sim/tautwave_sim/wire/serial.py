@@ -187,8 +187,6 @@ class SerialLine(Schedule):
     def _arrive(self, sent: Transmission, first: int, last: int, time_ns: int) -> None:
         if sent.cancelled or not self.plugged:
             return
-        if sent.end_ns <= time_ns and sent in self._responses:
-            self._responses.remove(sent)
         if not self.latency_ns:
             self._inbox += sent.data[first:last]
             return

@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.clock import FakeClock
+from tautwave.contracts import BusSpec
+from tautwave_drivers.modbus.line.links import POLL_NS, Links
 from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.line.tcp import TcpLink
 from tautwave_drivers.modbus.options import ModbusOptions
@@ -129,3 +131,20 @@ def test_a_line_that_was_silent_long_enough_is_asked_at_once() -> None:
     transaction.begin((read(3, 0, 2),))
     link.start((transaction,))
     assert len(port.sent) == 1
+
+
+def test_a_link_that_is_gone_is_reached_for_as_long_as_is_said() -> None:
+    """Not a period more: a stop waits for it."""
+
+    class Gone:
+        tried = 0
+
+        def connect(self) -> bool:
+            self.tried += 1
+            return False
+
+    clock = FakeClock()
+    link: Any = Gone()
+    Links(LINE, BusSpec("arm", (), 100.0), clock, None, ()).reach(link, 0.05)
+    assert clock.now_ns() == 50_000_000
+    assert link.tried == 50_000_000 // POLL_NS + 1
