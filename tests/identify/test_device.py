@@ -173,6 +173,7 @@ def test_the_lines_can_be_pasted_and_check_reads_them(cli: Cli, tmp_path: Path) 
     done = cli("identify", rig, *words, "--json")
     assert done.exit_code == 0, done.output
     reported = json.loads(done.stdout)
+    assert "bus hand  simulated here, in memory" in done.stderr
     for name in ("identification.json", "identification.png", "recording.mcap", "rig.yaml"):
         assert (tmp_path / "out" / name).stat().st_size > 0
     again = cli("identify", rig, *words)

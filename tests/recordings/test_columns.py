@@ -32,6 +32,17 @@ def test_a_matlab_file_has_vectors_fields_and_matrix_columns(tmp_path: Path) -> 
     np.testing.assert_array_equal(found["log.signals.values[1]"], 2.0 * X)
 
 
+def test_two_rows_are_a_recording_and_one_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t,x\n0,1\n1,2\n")
+    assert [one.tolist() for one in read_column(path, "x", "t")] == [[0.0, 1.0], [1.0, 2.0]]
+    both = mat(tmp_path / "a.mat", t=[0.0, 1.0], x=[1.0, 2.0])
+    assert read_column(both, "x", "t")[1].tolist() == [1.0, 2.0]
+    path.write_text("t,x\n0,1\n")
+    with pytest.raises(ConfigError, match="at least two rows, it has 1"):
+        read_column(path, "x", "t")
+
+
 def test_csv_and_matlab_agree(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "a.csv", np.column_stack([T, X]), "%.17g", ",", header="t,x", comments="")
     one = read_column(tmp_path / "a.csv", "x", "t")

@@ -41,3 +41,19 @@ def test_grains_stay_between_floor_and_bar() -> None:
     assert grains.min() > granular.FLOOR - 1e-3
     assert np.all(grains <= bar[:, None] + 1.5e-3)
     assert force.min() < 0.0 <= force.max() + 1e-12
+
+
+@pytest.mark.slow
+def test_the_greatest_needed_damping_is_marked_on_its_curve() -> None:
+    """Where a wall needs most, and how much: the curve is there and has no other value."""
+    marked = 0
+    for axes in chapter("wall").figures["wall-damping"]().axes:
+        curves = [line for line in axes.lines if line.get_marker() != "o"]
+        marks = [line for line in axes.lines if line.get_marker() == "o"]
+        for curve, mark in zip(curves, marks, strict=True):
+            at, height = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
+            x, y = np.asarray(curve.get_xdata()), np.asarray(curve.get_ydata())
+            assert height == pytest.approx(float(np.max(y)), rel=1e-3)
+            assert height == pytest.approx(float(np.interp(at, x, y)), rel=1e-3)
+            marked += 1
+    assert marked == 8

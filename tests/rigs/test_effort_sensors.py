@@ -12,6 +12,9 @@ from tautwave import load_rig, simulate
 from tautwave.config import Rig
 from tautwave.errors import ConfigError
 from tautwave.models.sensors.effort import SensorParams, follow_effort, sensor_reading
+from tautwave.simulation.kernel.device import begin_sensor
+from tautwave.simulation.kernel.pack import pack_rig
+from tautwave.simulation.kernel.records import DeviceState
 from tests.rigs.running import run_rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -44,6 +47,19 @@ def test_compiled_devices_of_a_live_run_have_the_same_sensors() -> None:
     rig = bench(f"{SLAVE}={TRUE}", seconds=0.2)
     _, made = run_in_memory(build_rig(rig, clock="fake", devices=CompiledDevices))
     np.testing.assert_array_equal(made, run_rig(rig).table)
+
+
+def test_a_sensor_shows_at_once_what_a_device_rests_against() -> None:
+    """Hand and environment as they are felt together, in its delay as well."""
+    more = ("simulation.environment.lever={type: spring, stiffness: 40, position: 0.1}",
+            f"simulation.axes.slave.lever.effort_sensor={TRUE}")  # fmt: skip
+    job = pack_rig(bench(f"{SLAVE}={TRUE}", *more))
+    d = job.devices[job.axes.index("slave.lever")]
+    b, table = DeviceState(x=0.3), job.table.tolist()
+    begin_sensor(b, d, table)
+    assert b.shown == b.felt == pytest.approx(-40.0 * 0.2)
+    assert table[d.sensed : d.sensed + d.sensor.delay] == [b.felt] * d.sensor.delay
+    assert d.sensor.delay == 2
 
 
 def test_offset_and_scale_are_taken_off_and_what_is_left_is_lag_and_noise() -> None:

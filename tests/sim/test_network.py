@@ -193,3 +193,20 @@ def test_a_trace_and_drawn_delays_exclude_each_other_and_a_missing_one_is_named(
         bench(NetworkOptions(to="127.0.0.1:1", trace="t.csv", loss=0.1, delay_s=0.1))
     with pytest.raises(ConfigError, match=r"--trace /nowhere/.*: No such file"):
         read_trace("/nowhere/t.csv")
+
+
+def test_a_datagram_that_is_due_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The relay looks at its sockets for no longer than until the next one is due."""
+    monkeypatch.setattr("tautwave_sim.network.time.monotonic_ns", lambda: 1_000_000)
+    relay = Relay(NetworkOptions(to="127.0.0.1:9", listen="127.0.0.1:0"))
+    waited: list[float] = []
+    done: list[int] = []
+    relay._waiting = [(500_000, 0, lambda: done.append(0)), (4_000_000, 1, lambda: done.append(1))]
+    select = relay._ready.select
+    monkeypatch.setattr(relay._ready, "select", lambda s: (waited.append(s), select(0.0))[1])
+    try:
+        relay.run(lambda: len(waited) == 2)
+    finally:
+        relay.close()
+    assert waited == pytest.approx([0.0, 3e-3])
+    assert done == [0]

@@ -67,7 +67,7 @@ class JointsBehind(DriverWrapper):
 
     def _missed(self, states: Sequence[JointState]) -> Sequence[JointState]:
         """Return what a tip reports of which a joint is missing."""
-        age = max((state.age_ns for state in states), default=0)
+        age = max(state.age_ns for state in states)
         return [JointState(math.nan, math.nan, math.nan, False, age)] * len(self._which)
 
     def _weighs(self, q: Sequence[float]) -> tuple[list[float], float]:

@@ -156,6 +156,15 @@ def test_a_bus_that_goes_away_stops_every_axis(kind: str, words: str) -> None:
     assert all(device.drive.motor.torque_counts == 0 for device in rig.devices())
 
 
+def test_samples_of_the_cycle_in_which_a_bus_is_lost_are_believed_no_more() -> None:
+    rig = started(with_faults())
+    rows, _ = rig.run(1, TORQUE)
+    assert all(state.valid for row in rows for state in row)
+    rig.driver._health.lose("gone")
+    assert not any(state.valid for state in rig.driver.read(rig.clock.now_ns()))
+    rig.driver.close()
+
+
 def test_error_frames_in_words() -> None:
     rig = started(with_faults())
     rig.port.injected.append((0x20000004, bytes([0, 0x20, 0, 0, 0, 0, 0, 0])))

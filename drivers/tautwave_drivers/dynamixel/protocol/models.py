@@ -39,12 +39,11 @@ class Model(NamedTuple):
     current_range: int = 0
     fastest_baud: int = 4_500_000
     indirect_data: int = 224
-    protocol: float = 2.0
 
     @property
     def page(self) -> str:
         """The e-manual's page."""
-        return f"docs/en/dxl/{'x' if self.protocol > 1.5 else 'ax and mx'}/{self.name.lower()}"
+        return f"docs/en/dxl/x/{self.name.lower()}"
 
     @property
     def torque_constant(self) -> float:
@@ -54,7 +53,7 @@ class Model(NamedTuple):
     @property
     def always_watched(self) -> bool:
         """Whether every firmware has a bus watchdog."""
-        return self.protocol > 1.5 and "330" in self.name
+        return "330" in self.name
 
 
 def _small(name: str, number: int, torque: float, current: float, most: int) -> Model:
