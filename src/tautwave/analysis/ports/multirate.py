@@ -39,12 +39,53 @@ def period_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
     line's own rate), then the waves under way to the slave and to the master, oldest
     first. Shape (n, n).
     """
+    return _driven(master, slave, samples, np.eye(_lines(master, slave) + 2 * samples))
+
+
+def merged_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
+    """Return a smaller matrix with all eigenvalues of `period_matrix` but zeros.
+
+    What a slow end sends stays the same for as long as it is held, so one state stands for these
+    waves and for what the end holds now. Of those that a slow end takes the mean of, only their
+    mean counts. Whatever else the line holds is gone once it has emptied. Shape (n, n).
+    """
+    lines = _lines(master, slave)
+    ends = (master, slave)
+    merged = list(range(lines))
+    for way, (sender, taker) in enumerate((ends, ends[::-1])):
+        known: dict[int, int] = {}
+        slots = range(samples)
+        if sender.divisor >= taker.divisor:
+            # The wave of slot j left in slot j - samples; the newest is what is still held.
+            blocks = [(j - samples + 1) // sender.divisor for j in slots]
+            if sender.divisor > 1:
+                known[0] = lines - 4 + 2 * way
+        else:
+            blocks = [j // taker.divisor for j in slots]
+        first = max(merged) + 1
+        for block in blocks:
+            if block not in known:
+                known[block] = first
+                first += 1
+            merged.append(known[block])
+    spread = np.eye(max(merged) + 1)[merged]
+    mean: Matrix = spread.T / spread.sum(axis=0)[:, None]
+    found: Matrix = mean @ _driven(master, slave, samples, spread)
+    return found
+
+
+def _lines(master: RatedEnd, slave: RatedEnd) -> int:
+    """Return where the waves under way begin among the states."""
+    return len(master.end.b) + len(slave.end.b) + 4
+
+
+def _driven(master: RatedEnd, slave: RatedEnd, samples: int, x: Matrix) -> Matrix:
+    """Return states, one a column, after `common_slots` slots; changes `x`."""
     sides = (master, slave)
     sizes = [len(side.end.b) for side in sides]
     begin = (0, sizes[0])
-    extra = sizes[0] + sizes[1]
-    lines = extra + 4
-    x = np.eye(lines + 2 * samples)
+    lines = _lines(master, slave)
+    extra = lines - 4
     own = [slice(begin[at], begin[at] + sizes[at]) for at in (0, 1)]
     for slot in range(common_slots(master, slave)):
         due = [slot % side.divisor == side.divisor - 1 for side in sides]
@@ -85,6 +126,6 @@ def least_damped_rated(master: RatedEnd, slave: RatedEnd, samples: int, period: 
     `radius` is per common period. `frequency` is known up to multiples of the common rate: faster
     oscillations appear aliased.
     """
-    matrix = period_matrix(master, slave, samples)
+    matrix = merged_matrix(master, slave, samples)
     roots = np.linalg.eigvals(matrix).astype(np.complex128)
     return mode_of(roots, common_slots(master, slave) * period)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tautwave.controller.inertia import start_inertia
 from tautwave.controller.pair import engage_pair, start_pair
 from tautwave.controller.records import PIPE, TAG, PairState
 from tautwave.controller.run import ramp_share
@@ -55,6 +56,8 @@ def end_session(control: CoupledControl, loads: Sequence[SideLoad] = ()) -> None
         s.wall_stored_at_start = 0.0
         s.wall_absorbed = s.wall_dissipated = s.wall_contact_energy = 0.0
         s.wall_owes = False
+        s.help_absorbed = 0.0
+        start_inertia(s, p)
 
 
 def drop_commands(control: CoupledControl) -> None:

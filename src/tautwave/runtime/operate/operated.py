@@ -27,7 +27,7 @@ from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
 from tautwave.runtime.operate.rescaling import held_by, take_scale
 from tautwave.runtime.operate.rest.aligning import Alignment
-from tautwave.runtime.operate.rest.axis import send_resting, sense_resting
+from tautwave.runtime.operate.rest.axis import resting, send_resting, sense_resting
 from tautwave.runtime.operate.rest.holds import Holds, spent_sentence
 
 STATE_COLUMNS = (
@@ -68,7 +68,7 @@ class OperatedControl(CoupledControl):
         self.journal = Journal()
         self.lamps, self.inbox = people.lamps, people.inbox
         self._engages = people.engage_at_start
-        self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in plain.params]
+        self._free = [resting(p) for p in plain.params]
         self.holds = Holds(plain.params, operation.quanta, operation.brakes)
         self._seated = [False] * len(plain.params)
         self.alignment = Alignment(
@@ -95,7 +95,7 @@ class OperatedControl(CoupledControl):
     def retune(self, which: int, p: AxisParams) -> None:
         """Put other constants in place of an axis'."""
         super().retune(which, p)
-        self._free[which] = p._replace(site=p.site._replace(has_wall=False))
+        self._free[which] = resting(p)
 
     # -- one cycle --------------------------------------------------------------------------
 
@@ -212,7 +212,7 @@ class OperatedControl(CoupledControl):
             self._count_anew()
         take_scale(self, scaled, holding=self._coupled)
         self.scale = scale
-        self._free = [p._replace(site=p.site._replace(has_wall=False)) for p in self.params]
+        self._free = [resting(p) for p in self.params]
         self.alignment.rescale(self.pairs)
 
     def _event(self, word: str, text: str = "") -> None:

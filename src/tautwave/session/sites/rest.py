@@ -13,7 +13,7 @@ from tautwave.laws.rest.alignment import align_budget
 from tautwave.laws.rest.brake import BrakeParams
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.rest.aligning import PATIENCE_S
-from tautwave.runtime.operate.rest.axis import send_resting, sense_resting
+from tautwave.runtime.operate.rest.axis import resting, send_resting, sense_resting
 from tautwave.runtime.operate.rest.holds import Holds
 from tautwave.runtime.operate.rest.pull import Pull, PullParams
 from tautwave.session.sites.agreed import ALIGNED
@@ -53,7 +53,7 @@ class Rest:
         self._control = control
         self._own = own
         self._approach = approach
-        self._params = [p._replace(site=p.site._replace(has_wall=False)) for p in control.params]
+        self._params = [resting(p) for p in control.params]
         self.holds = Holds(control.params, approach.quanta, approach.brakes)
         self._latency = max((control.params[i].delay for i in own), default=0) + 2
         self._pulls: dict[int, Pull] = {}

@@ -8,6 +8,12 @@ from tautwave.controller.steps import ALONE
 from tautwave.laws.limit import limit_effort
 
 
+def resting(p: AxisParams) -> AxisParams:
+    """Return the constants of an axis that no coupling holds: what acts beside one does not act."""
+    alone = p.site._replace(has_wall=False, compensates=False, lightens=False)
+    return p._replace(site=alone)
+
+
 def sense_resting(
     s: AxisState, p: AxisParams, m: Sample, table: list[float], skipped: int, seated: bool
 ) -> bool:
