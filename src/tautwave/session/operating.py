@@ -35,11 +35,14 @@ def refuse_endless(rig: Rig, ways: Sequence[BusWay]) -> None:
     Raises
     ------
     ConfigError
-        The rig has no duration, and devices that are simulated here.
+        The rig has no duration or one of a day or more, and devices that are simulated here.
     """
     simulated = any(way.way in (Way.MEMORY, Way.SERVED) for way in ways)
     if rig.duration_s >= UNTIL_STOPPED_S and simulated:
-        raise ConfigError("duration_s is missing: simulated devices need an end; give --duration")
+        stated = f"is {rig.duration_s:g} s" if rig.duration_s > UNTIL_STOPPED_S else "is missing"
+        raise ConfigError(
+            f"duration_s {stated}: simulated devices need an end within a day; give --duration"
+        )
 
 
 def people_of(
