@@ -6,6 +6,8 @@ import csv
 import importlib
 import json
 import math
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -181,9 +183,18 @@ def test_without_numba_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         bench.workprecision()
 
 
-def test_cpu_time_counts_per_simulated_second() -> None:
-    found = cpu_time(lambda: sum(range(1000)), 0.5, 2)
-    assert found == pytest.approx(2.0 * cpu_time(lambda: sum(range(1000)), 1.0, 2), rel=0.9)
+@pytest.mark.parametrize("took_s", [2e-4, 0.2])
+def test_cpu_time_counts_per_simulated_second(
+    monkeypatch: pytest.MonkeyPatch, took_s: float
+) -> None:
+    spent = [0]
+    monkeypatch.setattr(time, "thread_time_ns", lambda: spent[0])
+    monkeypatch.setattr(sys.modules[cpu_time.__module__], "calibrate", lambda: 1)
+
+    def run() -> None:
+        spent[0] += round(1e9 * took_s)
+
+    assert cpu_time(run, 0.5, 2) == pytest.approx(2.0 * took_s)
 
 
 @pytest.fixture

@@ -57,6 +57,14 @@ def test_the_measured_effort_pushes_back() -> None:
     assert sum(servo_forces(free, 0.011, -1.0, 0.0, 0.0, 0.0)) == 0.0
 
 
+@pytest.mark.parametrize(("stiffness", "damping"), [(5e-3, 0.0), (0.0, 5e-3)])
+def test_a_soft_grip_does_its_work(stiffness: float, damping: float) -> None:
+    """A hand that is led over 0.01 rad in a step, on a servo that stands: half K d^2, or D d v."""
+    p = FREE._replace(grip_stiffness=stiffness, grip_damping=damping)
+    _, _, work, *_ = servo_step(p, 0.0, 0.0, 0.0, 0.0, 0.01 / STEP, STEP)
+    assert work == pytest.approx(0.5 * stiffness * 1e-4 + damping * 1e-4 / STEP, rel=1e-9)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_visit_to_the_wall_within_a_step_closed_form(side: float) -> None:
     # Constant speed in for 1 ms: entry at a known time inside the step.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
-from tautwave.recordings.mcap_chunks import ChunkPlace, chunk_records
+from tautwave.recordings.mcap_chunks import _HEAD_BYTES, ChunkPlace, _chunk, chunk_records
 from tautwave.recordings.recording import Recording
 
 COLUMNS = (
@@ -29,6 +29,14 @@ def test_pairs_axes_and_elements_are_in_the_names() -> None:
     assert one.elements("lever") == ("port_master", "line")
     assert one.elements("wrist") == ("line",)
     assert one.axes() == ("master.lever", "slave.lever")
+
+
+@pytest.mark.parametrize(("letters", "taken"), [(16, True), (17, False)])
+def test_a_chunk_has_a_compression_of_sixteen_letters_at_most(letters: int, taken: bool) -> None:
+    name = b"x" * letters
+    head = RECORD.pack(Opcode.CHUNK, 500) + struct.pack("<QQQII", 0, 1, 100, 7, letters) + name
+    place = _chunk(head[:_HEAD_BYTES], 9, 500)
+    assert place == (ChunkPlace(9 + 32 + letters + 8, 509, 100, 7, "x" * 16) if taken else None)
 
 
 def message(*row: float, opcode: int = Opcode.MESSAGE) -> bytes:

@@ -113,6 +113,13 @@ def test_a_wall_that_is_not_touched_stiffens_within_the_ramp() -> None:
     assert acts[-1] == 3.0
 
 
+def test_a_ceiling_goes_down_to_a_twentieth_of_its_limit() -> None:
+    rig = load_rig(BENCH)
+    knobs = {knob.path: knob for knob in knobs_of(rig, build_rig(rig, clock="fake").control)}
+    ceiling = knobs["slave.axes.lever.effort_limit"]
+    assert (ceiling.low, ceiling.high) == (pytest.approx(0.05 * 1.1), 1.1)
+
+
 def test_viewers_are_sent_every_knob_and_of_what_is_fixed() -> None:
     rig = load_rig(BENCH)
     control = build_rig(rig, clock="fake").control

@@ -75,6 +75,21 @@ def test_no_bytes_disturb_a_link(rtu: bool, chunks: list[bytes]) -> None:
     assert link.lost
 
 
+def test_what_came_before_a_line_was_lost_is_no_beginning_of_what_comes_after() -> None:
+    clock, port = FakeClock(1_000_000_000), Stub()
+    link = RtuLink(lambda: port, clock, LINE)
+    link.connect()
+    link.start([transaction := Transaction(2)])
+    transaction.begin((read(3, 2, 2),))
+    port.inbox = rtu_frame(2, RESPONSE)[:4]
+    clock.sleep_until(clock.now_ns() + 3_000_000)
+    link.pump()
+    link._buffer += b"\x02\x03"
+    link.lost = "unplugged"
+    assert link.connect()
+    assert not link._buffer
+
+
 def test_after_a_babble_the_next_answer_is_heard() -> None:
     clock, port = FakeClock(1_000_000_000), Stub()
     link = RtuLink(lambda: port, clock, LINE)
