@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.multirate import RatedEnd, merged_matrix, period_matrix
+from tautwave.analysis.ports.multirate import RatedEnd, merged_matrix
 from tautwave.analysis.ports.sampled_loop import LinearEnd
+from tests.analysis.reference.multirate import period_matrix
 
 
 def drawn_end(draw: np.random.Generator, states: int) -> LinearEnd:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.ports.loop_modes import least_damped
-from tautwave.analysis.ports.multirate import common_slots, period_matrix
+from tautwave.analysis.ports.multirate import common_slots
 from tautwave.analysis.ports.sampled_loop import Matrix, close_loop
 from tautwave.config import Rig, load_rig
 from tautwave.controller import run
@@ -22,6 +22,7 @@ from tautwave.sweep.predict import pair_ends, pair_mode, rated_ends
 from tautwave.sweep.rows import Simulator
 from tautwave.types import CommandDelay
 from tests.analysis.reference.boundary import stability_boundary
+from tests.analysis.reference.multirate import period_matrix
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BASE = CONFIGS / "delay-stability.yaml"

@@ -32,22 +32,15 @@ def common_slots(master: RatedEnd, slave: RatedEnd) -> int:
     return math.lcm(master.divisor, slave.divisor)
 
 
-def period_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
+def merged_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
     """Return the state matrix over `common_slots` slots of two ends `samples` slots apart.
 
     States: master's, slave's, for each the wave held and the sum of the block (both 0 at the
-    line's own rate), then the waves under way to the slave and to the master, oldest
-    first. Shape (n, n).
-    """
-    return _driven(master, slave, samples, np.eye(_lines(master, slave) + 2 * samples))
-
-
-def merged_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
-    """Return a smaller matrix with all eigenvalues of `period_matrix` but zeros.
-
-    What a slow end sends stays the same for as long as it is held, so one state stands for these
-    waves and for what the end holds now. Of those that a slow end takes the mean of, only their
-    mean counts. Whatever else the line holds is gone once it has emptied. Shape (n, n).
+    line's own rate), then the waves under way, of which equal ones are one state: what a slow end
+    sends stays the same for as long as it is held, so one state stands for these waves and for what
+    the end holds now. Of those that a slow end takes the mean of, only their mean counts. Whatever
+    else the line holds is gone once it has emptied, so that only zeros among the eigenvalues are
+    missing. Shape (n, n).
     """
     lines = _lines(master, slave)
     ends = (master, slave)
