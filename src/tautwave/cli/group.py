@@ -17,7 +17,7 @@ import click
 
 from tautwave import __version__
 from tautwave.cli.terminal.streams import drop, open_streams
-from tautwave.errors import TautwaveError, WritingError
+from tautwave.errors import ConfigError, TautwaveError, WritingError
 from tautwave.files import create, reason
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see `tautwave.session.certified`
@@ -41,6 +41,8 @@ MODULES = {
 }
 """Where a command is, if not in a module of its name."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+NO_WAY = (errno.EACCES, errno.ENAMETOOLONG, errno.ELOOP)
+"""What looking at a path fails with, before anything is read or written there."""
 _PARSED = "tautwave.arguments"
 
 
@@ -121,6 +123,9 @@ class Commands(click.Group):
                 where = "output" if err.filename is None else str(err.filename)
                 click.echo(f"{where}: cannot be written: {reason(err)}", err=True)
                 ctx.exit(WritingError.exit_code)
+            if isinstance(err, OSError) and err.errno in NO_WAY and err.filename is not None:
+                click.echo(f"{err.filename}: cannot be reached: {reason(err)}", err=True)
+                ctx.exit(ConfigError.exit_code)
             click.echo(_save_traceback(err, command_line(ctx)), err=True)
             ctx.exit(1)
 
