@@ -28,6 +28,13 @@ def test_reads_as_a_person_writes(value, unit, shown):
     assert quantity(value, unit).replace(THIN, " ") == shown.replace(THIN, " ")
 
 
+def test_two_digits_of_hundreds_need_no_power_of_ten():
+    """520 µrad of sampling's error, in the report: not 5.2 × 10² µrad."""
+    assert quantity(5.2e-4, "rad", 2).replace(THIN, " ") == "520 µrad"
+    assert quantity(-1236.0, "rad", 3).replace(THIN, " ") == "−1240 rad"
+    assert quantity(12345.0, "rad", 3).replace(THIN, " ") == "1.23 × 10⁴ rad"
+
+
 def test_microseconds_and_counts():
     assert microseconds(1500.0).replace(THIN, " ") == "1.5 ms"
     assert count(9999) == "9999"

@@ -51,7 +51,9 @@ def significant(value: float, digits: int = 4) -> str:
     if math.isinf(value):
         return "infinite" if value > 0 else "−infinite"
     text = f"{value:.{digits}g}"
-    if "e" in text:
+    if "e+" in text and abs(value) < 1e4:  # 520 to two digits, not 5.2 x 10^2
+        text = f"{float(text):.0f}"
+    elif "e" in text:
         mantissa, exponent = text.split("e")
         text = f"{mantissa}{THIN}×{THIN}10{str(int(exponent)).translate(_SUPERSCRIPT)}"
     return text.replace("-", "−")
