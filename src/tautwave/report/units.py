@@ -72,6 +72,13 @@ def quantity(value: Any, unit: str, digits: int = 4) -> str:
     return f"{significant(plain * factor, digits)}{THIN}{label}".rstrip(THIN)
 
 
+def within(value: float, half: float, digits: int = 3) -> str:
+    """`value ± half`, with at least `digits` digits, and all that the interval leaves certain."""
+    if value and 0.0 < half < abs(value):
+        digits = max(digits, math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2)
+    return f"{significant(value, digits)} ± {significant(half, 2)}"
+
+
 def microseconds(value: Any, digits: int = 4) -> str:
     """`value` [us] with a suitable prefix, as in `12.3 µs` or `1.4 ms`."""
     plain = number(value)
