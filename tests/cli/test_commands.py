@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from click.testing import Result
 
 from tautwave import errors
 from tautwave.cli import main
+from tautwave.cli.run import fresh_directory
 from tests.cli.conftest import Backend
 
 Cli = Callable[..., Result]
@@ -260,6 +262,30 @@ def test_an_unexpected_error_is_a_sentence_and_a_file(
     saved = Path(result.stderr.split()[-1]).read_text()
     assert saved.startswith("tautwave check rig.yaml\n")
     assert "Traceback (most recent call last)" in saved
+
+
+@pytest.mark.parametrize("command", ["check", "run", "report", "export", "view", "ros", "doctor"])
+def test_a_path_that_cannot_be_looked_at_is_a_sentence(tautwave_cli: Cli, command: str) -> None:
+    name = "x" * 300
+    result = tautwave_cli(command, name)
+    assert result.exit_code == 2
+    assert result.stderr == f"{name}: cannot be reached: File name too long\n"
+
+
+def test_a_folder_without_permission_is_a_sentence(tautwave_cli: Cli, backend: Backend) -> None:
+    backend.error = PermissionError(errno.EACCES, "Permission denied", "locked/rig.yaml")
+    result = tautwave_cli("check", "locked/rig.yaml")
+    assert result.exit_code == 2
+    assert result.stderr == "locked/rig.yaml: cannot be reached: Permission denied\n"
+
+
+@pytest.mark.parametrize("letter", ["x", "\N{GREEK SMALL LETTER BETA}"])
+def test_a_long_name_gives_a_directory_that_a_disk_takes(
+    tautwave_cli: Cli, backend: Backend, tmp_path: Path, letter: str
+) -> None:
+    made = fresh_directory(None, letter * 300)
+    assert made.is_dir()
+    assert made.name.startswith(letter * 70)
 
 
 def test_check_prints_facts_plan_time_and_certificate(tautwave_cli: Cli, backend: Backend) -> None:

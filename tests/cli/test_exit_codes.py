@@ -216,6 +216,24 @@ def test_output_to_a_full_disk_is_one_sentence_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("word", ["--help", "--version"])
+def test_no_room_for_the_help_is_one_sentence(word: str) -> None:
+    command = [sys.executable, "-c", RUN, word]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 7
+    assert done.stderr == "output: cannot be written: No space left on device\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [("check", "none.yaml"), ("nothing",), ("run", "--bad")])
+def test_an_error_that_nobody_can_read_keeps_its_exit_code(words: tuple[str, ...]) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-c", RUN, *words], stderr=full, check=False)
+    assert done.returncode == 2
+
+
+@pytest.mark.slow
 def test_check_on_a_full_disk_is_exit_code_7_and_leaves_no_half_file(tmp_path: Path) -> None:
     with largest_file(1000):
         done = tautwave("check", RIG, "--out", "out", cwd=tmp_path)

@@ -48,6 +48,22 @@ def export(run: Path, out: Path, *more: str) -> list[str]:
     return [Path(line).name for line in done.output.split()]
 
 
+@pytest.mark.parametrize("to", ["csv", "npz"])
+def test_what_a_killed_run_lost_is_said(run: Path, tmp_path: Path, to: str) -> None:
+    killed = tmp_path / "killed"
+    shutil.copytree(run, killed)
+    whole = (run / "recording.mcap").read_bytes()
+    (killed / "recording.mcap").write_bytes(whole[:-60])
+    done = CliRunner().invoke(main, ["export", str(killed), "--to", to])
+    assert done.exit_code == 0
+    assert done.stderr == (
+        f"{killed}: the recording is cut short, as of a killed run; the 9 rows that could be "
+        "recovered were exported\n"
+    )
+    done = CliRunner().invoke(main, ["export", str(run), "--to", to, "--out", str(tmp_path)])
+    assert done.stderr == ""
+
+
 def test_an_episode_is_a_file_and_its_rows_are_those_recorded(run: Path, tmp_path: Path) -> None:
     assert export(run, tmp_path) == ["001-pick-x.csv", "002-place.csv", "episodes.csv"]
     head, *rows = csv.reader((tmp_path / "002-place.csv").read_text().splitlines())

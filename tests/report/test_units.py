@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.report.precision.messages import share
-from tautwave.report.units import MISSING, THIN, count, microseconds, quantity, scale_for
+from tautwave.report.units import MISSING, THIN, count, microseconds, quantity, scale_for, within
 
 
 @pytest.mark.parametrize(
@@ -26,6 +26,29 @@ from tautwave.report.units import MISSING, THIN, count, microseconds, quantity, 
 )
 def test_reads_as_a_person_writes(value, unit, shown):
     assert quantity(value, unit).replace(THIN, " ") == shown.replace(THIN, " ")
+
+
+def test_two_digits_of_hundreds_need_no_power_of_ten():
+    """520 µrad of sampling's error, in the report: not 5.2 × 10² µrad."""
+    assert quantity(5.2e-4, "rad", 2).replace(THIN, " ") == "520 µrad"
+    assert quantity(-1236.0, "rad", 3).replace(THIN, " ") == "−1240 rad"
+    assert quantity(12345.0, "rad", 3).replace(THIN, " ") == "1.23 × 10⁴ rad"
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "shown"),
+    [
+        (5.00283, 0.00148, "5.0028 ± 0.0015"),  # not 5 ± 0.0015, which leaves it out
+        (1234.6, 12.0, "1235 ± 12"),
+        (0.0421, 0.0212, "0.0421 ± 0.021"),
+        (3.0, 40.0, "3 ± 40"),
+        (3.0, 0.0, "3 ± 0"),
+        (3.0, math.inf, "3 ± infinite"),
+        (math.nan, 1.0, "undefined ± 1"),
+    ],
+)
+def test_a_value_lies_in_the_interval_it_is_shown_with(value, half, shown):
+    assert within(value, half) == shown
 
 
 def test_microseconds_and_counts():

@@ -35,6 +35,11 @@ def costs(monkeypatch):
     return share, measured
 
 
+def test_a_cycle_of_milliseconds_is_said_in_milliseconds():
+    assert ScenePace(18.7e-3, 1e-3, "python").describe().startswith("18.7 ms a cycle by plain")
+    assert ScenePace(187e-6, 1e-3, "python").describe().startswith("187 us a cycle by plain")
+
+
 def chosen(clock="real", *overrides):
     return choose_engine(load_rig(GRANULAR, overrides), clock)
 

@@ -10,13 +10,14 @@ import pytest
 pytest.importorskip("PIL")
 from PIL import Image
 
-from tautwave.canvas import GRID, PAPER
+from tautwave.canvas import GRID, PAPER, panels
 from tautwave.config import parse_rig
 from tautwave.report.scene.drawing import HEIGHT, OVER, WIDTH
 from tautwave.report.scene3d.drawing import TALLEST, draw_frame3d, still3d
+from tautwave.report.scene3d.figure import draw_across, draw_heights
 from tautwave.report.scene3d.view import View3d
 from tautwave.scene.network import Link
-from tautwave.scene3d.network import Mass3d, Network3d
+from tautwave.scene3d.network import Mass3d, Network3d, Port3d
 from tests.config.bench import BENCH
 
 ROWS = 20
@@ -64,3 +65,15 @@ def test_a_tall_scene_has_a_tall_still() -> None:
     )
     assert tall.height > 1.5 * flat.height
     assert tall.height > tall.width == flat.width
+
+
+def test_each_of_several_things_in_the_hand_has_its_own_look() -> None:
+    plain = chain(0.1, 0.1)
+    ports = (Port3d("probe", ("along", "up")), Port3d("clip", ("pull",)))
+    at = {port.name: np.full((ROWS, 3), 0.01 * k) for k, port in enumerate(ports)}
+    view = plain._replace(network=plain.network._replace(masses=(), ports=ports), at=at)
+    for draw in (draw_heights, draw_across):
+        _, (axes,) = panels([1.0], "")
+        draw(axes, view)
+        looks = [(line.get_color(), line.get_linestyle()) for line in axes.lines]
+        assert len(looks) == len(set(looks)) >= 2

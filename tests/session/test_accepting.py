@@ -127,6 +127,13 @@ def test_a_cable_that_was_not_pulled_is_no_pass(tmp_path: Path) -> None:
     assert checks(rig)["watchdog", "loss"]["measured"]["said"] == "nothing was lost"
 
 
+@pytest.mark.parametrize("by", ["", "  "])
+def test_nobody_accepts_nothing(tmp_path: Path, by: str) -> None:
+    done = CliRunner().invoke(main, ["accept", str(tmp_path / "rig.yaml"), "--by", by])
+    assert done.exit_code == 2
+    assert "--by is missing: who performs the acceptance?" in done.output
+
+
 @pytest.mark.parametrize("text", ["", "[]", '{"seal": 3}', '{"seal": {"sha256": 5}, "files": [1]}'])
 def test_what_is_no_acceptance_is_said(tmp_path: Path, text: str) -> None:
     (tmp_path / FILE).write_text(text)

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from tautwave.errors import ConfigError
-from tautwave_drivers.modbus.protocol.registers import KINDS
+from tautwave_drivers.modbus.protocol.registers import KINDS, bounds
 
 SHIPPED = ("generic", "dsy-rs", "cia402")
 
@@ -100,6 +100,15 @@ class Pattern(Keys):
 
     mask: Value = 0xFFFFFFFF
     value: Value
+
+    @model_validator(mode="after")
+    def _can_show(self) -> Pattern:
+        if self.value & self.mask != self.value:
+            raise ValueError(
+                f"no status can show this: value {self.value:#x} has bits outside of mask "
+                f"{self.mask:#x}"
+            )
+        return self
 
     def fits(self, status: int) -> bool:
         """Return whether a status shows this."""
@@ -200,6 +209,7 @@ class Profile(Keys):
     def mistakes(self) -> Iterator[tuple[KeyPath, str]]:
         """Yield what single keys cannot show: where, and what is wrong, as a sentence."""
         yield from self._unknown_names()
+        yield from self._too_large()
         for role in ("position", "status"):
             if role not in self.roles:
                 yield ("roles",), f"{role} is missing; every profile needs it"
@@ -227,6 +237,34 @@ class Profile(Keys):
                     "is lasting and there is no eeprom_off: each cycle would wear the drive's "
                     "EEPROM",
                 )
+
+    def _too_large(self) -> Iterator[tuple[KeyPath, str]]:
+        """Values that their register cannot hold: the line would carry the nearest that it can."""
+        given: list[tuple[KeyPath, str, int | None]] = [
+            (("modes", kind), self.roles.get("mode", ""), value)
+            for kind, value in self.modes.items()
+        ]
+        for key in ("prepare", "enable", "disable", "fault_reset"):
+            for number, step in enumerate(getattr(self, key)):
+                if step.write is not None:
+                    given.append(((key, number, "value"), step.write, step.value))
+        for key in ("settings", "settings_effort", "settings_velocity", "expected"):
+            for number, one in enumerate(getattr(self, key)):
+                given.append(((key, number, "value"), one.register_name, one.value))
+        if self.eeprom_off is not None:
+            one = self.eeprom_off
+            given.append((("eeprom_off", "value"), one.register_name, one.value))
+        if self.identity is not None:
+            given.append((("identity", "value"), self.identity.register_name, self.identity.value))
+        if self.comm_loss is not None:
+            given.append((("comm_loss", "off"), self.comm_loss.register_name, self.comm_loss.off))
+        for where, name, value in given:
+            register = self.registers.get(name)
+            if register is None or value is None:
+                continue
+            low, high = bounds(register.type)
+            if not low <= value <= high:
+                yield where, f"{name} holds {low} to {high} as {register.type} (got {value})"
 
     def _unknown_names(self) -> Iterator[tuple[KeyPath, str]]:
         from tautwave.config.text.document import nearest

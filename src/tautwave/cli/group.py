@@ -9,15 +9,14 @@ import os
 import shlex
 import signal
 import sys
-from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any, cast
 
 import click
 
 from tautwave import __version__
-from tautwave.cli.terminal.streams import drop, open_streams
-from tautwave.errors import TautwaveError, WritingError
+from tautwave.cli.terminal.streams import drop, open_streams, unheard
+from tautwave.errors import ConfigError, TautwaveError, WritingError
 from tautwave.files import create, reason
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see `tautwave.session.certified`
@@ -41,6 +40,8 @@ MODULES = {
 }
 """Where a command is, if not in a module of its name."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+NO_WAY = (errno.EACCES, errno.ENAMETOOLONG, errno.ELOOP)
+"""What looking at a path fails with, before anything is read or written there."""
 _PARSED = "tautwave.arguments"
 
 
@@ -65,7 +66,12 @@ class Commands(click.Group):
         self.owns_process = args is None
         if self.owns_process:
             open_streams()
-        return super().main(args, *more, **keys)
+        try:
+            return super().main(args, *more, **keys)
+        except OSError as err:  # of this group's own help and version
+            drop(sys.stdout)
+            _say(f"output: cannot be written: {reason(err)}")
+            sys.exit(WritingError.exit_code)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names in the order in which a user needs them."""
@@ -101,17 +107,20 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except TautwaveError as err:
-            click.echo(str(err) or type(err).__name__, err=True)
+            _say(str(err) or type(err).__name__)
             ctx.exit(err.exit_code)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
+        except click.ClickException as err:
+            with unheard(sys.stderr):
+                err.show()
+            ctx.exit(err.exit_code)
+        except (click.exceptions.Exit, click.Abort):
             raise
         except KeyboardInterrupt as err:
             command = ctx.invoked_subcommand or "tautwave"
             message = f"{command}: ended by {str(err) or 'Ctrl-C'}"
             if command == "run":
                 message += " before anything moved; no directory was created"
-            with suppress(OSError):  # a terminal that was closed
-                click.echo(message, err=True)
+            _say(message)
             ctx.exit(getattr(err, "exit_code", 130))
         except Exception as err:  # noqa: BLE001  the last boundary: a traceback helps no user
             if isinstance(err, OSError) and err.errno == errno.EPIPE:
@@ -119,15 +128,24 @@ class Commands(click.Group):
                 ctx.exit(128 + signal.SIGPIPE)
             if isinstance(err, OSError) and err.errno in NO_ROOM:
                 where = "output" if err.filename is None else str(err.filename)
-                click.echo(f"{where}: cannot be written: {reason(err)}", err=True)
+                _say(f"{where}: cannot be written: {reason(err)}")
                 ctx.exit(WritingError.exit_code)
-            click.echo(_save_traceback(err, command_line(ctx)), err=True)
+            if isinstance(err, OSError) and err.errno in NO_WAY and err.filename is not None:
+                _say(f"{err.filename}: cannot be reached: {reason(err)}")
+                ctx.exit(ConfigError.exit_code)
+            _say(_save_traceback(err, command_line(ctx)))
             ctx.exit(1)
 
 
 def command_line(ctx: click.Context) -> str:
     """The command as it was typed, ready to paste."""
     return shlex.join(("tautwave", *ctx.meta.get(_PARSED, ())))
+
+
+def _say(sentence: str) -> None:
+    """Print on stderr; if that is closed or full, the exit code still tells."""
+    with unheard(sys.stderr):
+        click.echo(sentence, err=True)
 
 
 def _has_bench() -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from contextlib import nullcontext, suppress
@@ -204,7 +205,8 @@ def _played(directory: Path) -> str:
 def fresh_directory(out: Path | None, name: str) -> Path:
     """Create the run's directory; refuse one that is not empty."""
     if out is None:
-        stem = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"
+        short = os.fsdecode(os.fsencode(name)[:150])  # file systems take 255 bytes
+        stem = re.sub(r"[^\w.-]+", "-", short).strip("-.") or "run"
         out = first = Path("runs") / f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
         again = 2
         while out.exists():

@@ -51,7 +51,9 @@ def significant(value: float, digits: int = 4) -> str:
     if math.isinf(value):
         return "infinite" if value > 0 else "−infinite"
     text = f"{value:.{digits}g}"
-    if "e" in text:
+    if "e+" in text and abs(value) < 1e4:  # 520 to two digits, not 5.2 x 10^2
+        text = f"{float(text):.0f}"
+    elif "e" in text:
         mantissa, exponent = text.split("e")
         text = f"{mantissa}{THIN}×{THIN}10{str(int(exponent)).translate(_SUPERSCRIPT)}"
     return text.replace("-", "−")
@@ -68,6 +70,13 @@ def quantity(value: Any, unit: str, digits: int = 4) -> str:
         return f"{significant(plain, 2)}{THIN}{unit}"
     factor, label = scale_for(plain, unit)
     return f"{significant(plain * factor, digits)}{THIN}{label}".rstrip(THIN)
+
+
+def within(value: float, half: float, digits: int = 3) -> str:
+    """`value ± half`, with at least `digits` digits, and all that the interval leaves certain."""
+    if value and 0.0 < half < abs(value):
+        digits = max(digits, math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2)
+    return f"{significant(value, digits)} ± {significant(half, 2)}"
 
 
 def microseconds(value: Any, digits: int = 4) -> str:

@@ -50,7 +50,9 @@ class ScenePace(NamedTuple):
     def describe(self) -> str:
         """Return the cost and its margin as text."""
         by = "compiled steps" if self.engine == "compiled" else "plain Python"
-        cost = f"{1e6 * self.cycle_s:.3g} us a cycle by {by} on this machine, "
+        micros = 1e6 * self.cycle_s
+        time = f"{micros:.3g} us" if micros < 1e3 else f"{micros / 1e3:.3g} ms"
+        cost = f"{time} a cycle by {by} on this machine, "
         if self.share > 1.0:
             return f"{cost}{self.share:.1f} periods of {1e6 * self.period_s:.4g} us"
         return f"{cost}{self.share:.0%} of the period of {1e6 * self.period_s:.4g} us"

@@ -83,6 +83,45 @@ def test_mistakes_are_reported_with_file_and_key(change: dict[str, Any], sentenc
     assert sentence in problems(generic() | change)
 
 
+@pytest.mark.parametrize(
+    ("key", "where"),
+    [
+        ("enable", "enable.0.value"),
+        ("settings", "settings.0.value"),
+        ("identity", "identity.value"),
+        ("eeprom_off", "eeprom_off.value"),
+        ("modes", "modes.effort"),
+    ],
+)
+@pytest.mark.parametrize(("value", "kind", "holds"), [
+    (300000, "u16", "0 to 65535"),
+    (-1, "u16", "0 to 65535"),
+    (0xFFFF, "i16", "-32768 to 32767"),
+])  # fmt: skip
+def test_a_value_that_its_register_cannot_hold_is_refused(
+    key: str, where: str, value: int, kind: str, holds: str
+) -> None:
+    """On the line it would be held at the end of its type: another value than the one given."""
+    data = generic()
+    one = {"register": "own", "value": value}
+    data["registers"]["own"] = {"address": 0x900, "type": kind}
+    if key == "modes":
+        data["roles"]["mode"] = "own"
+        data["modes"] = {"effort": value, "velocity": 0}
+    elif key == "enable":
+        data[key] = [{"write": "own", "value": value}]
+    else:
+        data[key] = [one] if key == "settings" else one
+    assert f"{where}: own holds {holds} as {kind} (got {value})" in problems(data)
+
+
+def test_a_state_that_no_status_can_show_is_refused() -> None:
+    data = generic()
+    data["states"]["fault"] = {"mask": 0x8, "value": 0x10}
+    found = problems(data)
+    assert "states.fault: no status can show this: value 0x10 has bits outside of mask 0x8" in found
+
+
 @pytest.mark.parametrize(("kind", "last"), [("u16", 0xFFFF), ("i32", 0xFFFE)])
 def test_a_register_ends_at_the_last_address(kind: str, last: int) -> None:
     assert Register.model_validate({"address": last, "type": kind}).address == last

@@ -97,7 +97,7 @@ def accept(
             by = f", signed with the key of site {found.signer}" if found.signer else ""
             click.echo(f"{rig}: unchanged since it was sealed{by}")
         ctx.exit(2 if found.wrong else 0)
-    if by is None:
+    if by is None or not by.strip():
         raise click.UsageError("--by is missing: who performs the acceptance?")
     from tautwave.cli.rigs.talking import conversation
     from tautwave.cli.run import fresh_directory

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -84,6 +85,7 @@ def export(
                 video=not no_video,
             )
         )
+        _tell_losses(directories)
         return
     if given:
         raise click.UsageError(f"{given[0]} is for --to lerobot")
@@ -98,6 +100,27 @@ def export(
         folder = _beside(directory) if out is None else out / name if several else out
         for path in export_tables(directory, to, folder, chosen):
             click.echo(str(path))
+    _tell_losses(directories)
+
+
+def _tell_losses(directories: Sequence[Path]) -> None:
+    """Name on stderr the recordings that hold less than was run, as the report's first lines do."""
+    from tautwave.recordings.recording import read_recording
+
+    for directory in directories:
+        found = read_recording(directory, ["time_s"])
+        if found.truncated:
+            click.echo(
+                f"{directory}: the recording is cut short, as of a killed run; the {len(found)} "
+                "rows that could be recovered were exported",
+                err=True,
+            )
+        if found.damaged_chunks:
+            click.echo(
+                f"{directory}: {found.damaged_chunks} chunks of the recording are damaged and "
+                "were skipped",
+                err=True,
+            )
 
 
 def _beside(run: Path) -> Path:

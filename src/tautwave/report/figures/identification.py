@@ -17,7 +17,7 @@ from tautwave.files import make_directory, write_bytes
 from tautwave.models.noise_colour import spectrum
 from tautwave.report.figures.canvas import shade
 from tautwave.report.run.contacts import Contact
-from tautwave.report.units import quantity, scale_for, significant
+from tautwave.report.units import quantity, scale_for, significant, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -126,7 +126,7 @@ def _sentence(fit: ContactFit, units: tuple[str, str]) -> str:
     level = fit.working_stiffness
     what = "Stiffness deep in contact" if fit.name == "hunt_crossley" else "Stiffness"
     half = 0.5 * (level.upper - level.lower)
-    return f"{what} {significant(level.value, 3)} ± {significant(half, 2)} {_per(units)}"
+    return f"{what} {within(level.value, half)} {_per(units)}"
 
 
 def device_figure(fit: DeviceFit, axis: str, units: tuple[str, str]) -> Figure:
@@ -140,7 +140,7 @@ def device_figure(fit: DeviceFit, axis: str, units: tuple[str, str]) -> Figure:
     time.plot(fit.time_s[thin], factor * fit.model[thin], color=INK, linewidth=0.8, label=fitted)
     time.set_ylabel(f"effort [{unit}]")
     parameters = ", ".join(
-        f"{word} {significant(e.value, 4)} ± {significant(0.5 * (e.upper - e.lower), 2)} {unit_of}"
+        f"{word} {within(e.value, 0.5 * (e.upper - e.lower), 4)} {unit_of}"
         for word, e, unit_of in (
             ("inertia", fit.inertia, "kg m²" if units[0] == "rad" else "kg"),
             ("damping", fit.damping, f"{units[1]} s/{units[0]}"),

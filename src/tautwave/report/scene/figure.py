@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 AXES = ((MASTER, "-"), (WALL, "--"), (DAMPER, "-."))
 """Colours of up to three axes of a device."""
+HELD = ("-", "--", "-.", ":")
+"""Line styles of what the hand holds, where it holds several."""
 
 MOST_POINTS = 3000
 _STYLE = {
@@ -113,9 +115,11 @@ def _positions(axes: Axes, view: SceneView) -> None:
             linewidth=0.7 if len(masses) > 1 else 1.2,
             label=label if at == 0 else None,
         )
-    for name in view.network.ports:
+    for at, name in enumerate(view.network.ports):
         time, shown = thin(view.time, view.at[name])
-        axes.plot(time, factor * shown, color=MASTER, linewidth=1.8, label=f"{name}, in the hand")
+        label = f"{name}, in the hand"
+        style = HELD[at % len(HELD)]
+        axes.plot(time, factor * shown, style, color=MASTER, linewidth=1.8, label=label)
     for name in sorted(fixed & used):
         axes.axhline(factor * float(view.at[name][0]), color=SOFT, linewidth=1.2, label=name)
     axes.set_ylabel(f"position [{unit}]")
