@@ -57,8 +57,8 @@ def test_what_a_killed_run_lost_is_said(run: Path, tmp_path: Path, to: str) -> N
     done = CliRunner().invoke(main, ["export", str(killed), "--to", to])
     assert done.exit_code == 0
     assert done.stderr == (
-        f"{killed}: the recording is cut short, as of a killed run; the 9 rows that could be "
-        "recovered were exported\n"
+        f"{killed}: the recording is cut short, as when a run is killed; 9 rows could be "
+        "recovered and were exported\n"
     )
     done = CliRunner().invoke(main, ["export", str(run), "--to", to, "--out", str(tmp_path)])
     assert done.stderr == ""

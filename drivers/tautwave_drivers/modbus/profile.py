@@ -105,7 +105,7 @@ class Pattern(Keys):
     def _can_show(self) -> Pattern:
         if self.value & self.mask != self.value:
             raise ValueError(
-                f"no status can show this: value {self.value:#x} has bits outside of mask "
+                f"no status can show this: value {self.value:#x} has bits outside mask "
                 f"{self.mask:#x}"
             )
         return self

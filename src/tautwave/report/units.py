@@ -73,7 +73,7 @@ def quantity(value: Any, unit: str, digits: int = 4) -> str:
 
 
 def within(value: float, half: float, digits: int = 3) -> str:
-    """`value ± half`, with at least `digits` digits, and all that the interval leaves certain."""
+    """`value ± half`: at least `digits` digits, and as many as the interval resolves."""
     if value and 0.0 < half < abs(value):
         digits = max(digits, math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2)
     return f"{significant(value, digits)} ± {significant(half, 2)}"

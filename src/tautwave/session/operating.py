@@ -41,7 +41,7 @@ def refuse_endless(rig: Rig, ways: Sequence[BusWay]) -> None:
     if rig.duration_s >= UNTIL_STOPPED_S and simulated:
         stated = f"is {rig.duration_s:g} s" if rig.duration_s > UNTIL_STOPPED_S else "is missing"
         raise ConfigError(
-            f"duration_s {stated}: simulated devices need an end within a day; give --duration"
+            f"duration_s {stated}: simulated devices run for less than a day; give --duration"
         )
 
 

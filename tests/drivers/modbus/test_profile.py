@@ -119,7 +119,7 @@ def test_a_state_that_no_status_can_show_is_refused() -> None:
     data = generic()
     data["states"]["fault"] = {"mask": 0x8, "value": 0x10}
     found = problems(data)
-    assert "states.fault: no status can show this: value 0x10 has bits outside of mask 0x8" in found
+    assert "states.fault: no status can show this: value 0x10 has bits outside mask 0x8" in found
 
 
 @pytest.mark.parametrize(("kind", "last"), [("u16", 0xFFFF), ("i32", 0xFFFE)])

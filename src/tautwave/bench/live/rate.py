@@ -103,7 +103,7 @@ def empty_loop(rate_hz: int, seconds: float, turns: int = 0) -> tuple[int, int, 
 
 
 def _count_as_long(paced: Paced, engine: str, seconds: float) -> None:
-    """Run the counting loop for as many turns as take the median of an engine's cycles."""
+    """Run the counting loop with as many turns as fill an engine's median cycle."""
     _, _, trial = empty_loop(paced.rate_hz, TRIAL_S, TRIAL_TURNS)
     turns = TRIAL_TURNS * paced.compute[engine].quantile_us(0.5) / trial.quantile_us(0.5)
     ran, missed, compute = empty_loop(paced.rate_hz, seconds, round(turns))

@@ -111,8 +111,8 @@ def _tell_losses(directories: Sequence[Path]) -> None:
         found = read_recording(directory, ["time_s"])
         if found.truncated:
             click.echo(
-                f"{directory}: the recording is cut short, as of a killed run; the {len(found)} "
-                "rows that could be recovered were exported",
+                f"{directory}: the recording is cut short, as when a run is killed; {len(found)} "
+                "rows could be recovered and were exported",
                 err=True,
             )
         if found.damaged_chunks:
