@@ -30,8 +30,9 @@ last n + 1 periods that lowers A, and raises what the damper has dissipated, by 
 end, port and damper together, it cancels, and W has no such term. In a stop there is no damper.
 
 Credit before the clip, never after: noise has no mean, and a tank clipped at zero turns its dips
-into lost waves. Repaying only out of what stands above half the reserve: else a starved port
-never recovers. An effort that limits cut pays for its own period: the wave may carry what came in.
+into lost waves. Repaying only out of what stands above half the reserve: else a starved port never
+recovers. An effort that limits cut pays for its own period: the wave may carry what came in. None
+is built up that the tank could not pay for until `effort_rate_limit` is done with it (`laws.ramp`).
 
 Sources: Niemeyer & Slotine 1991 (waves), Chopra & Spong, Franchi and others 2011 (tanks); the
 law and its bound are derived here.
@@ -43,6 +44,7 @@ import math
 from typing import NamedTuple
 
 from tautwave.laws.limit import clamp
+from tautwave.laws.ramp import RampParams, ramp_params, ramped_effort
 
 REPAID_SHARE = 0.1
 """Of what stands above half the reserve, the share that a period may spend on repaying."""
@@ -58,7 +60,8 @@ class PortParams(NamedTuple):
     sample to the middle of the period in which its command acts;
     filter_gain: step of the wave filter, 1 without; kept [J/W]: what the filter still has to send
     per squared wave; repay: share of the unsent wave integral that is sent per period; reserve E0
-    [J]; leak [J per period]; half_period [s] and ahead = lead T [s], as they are used.
+    [J]; leak [J per period]; half_period [s] and ahead = lead T [s], as they are used; ramp: how
+    fast an effort can be taken away.
     """
 
     period: float
@@ -78,6 +81,7 @@ class PortParams(NamedTuple):
     leak: float
     half_period: float
     ahead: float
+    ramp: RampParams
 
 
 def port_params(
@@ -91,6 +95,7 @@ def port_params(
     drift_time: float = 0.05,
     reserve: float,
     leak: float = 0.0,
+    effort_rate: float = math.inf,
 ) -> PortParams:
     """Return the constants of a port.
 
@@ -112,6 +117,8 @@ def port_params(
         Time constant in which cut waves are repaid [s].
     reserve, leak : float
         E0 [J], see `port_reserve`; energy [J] given to the tank each period.
+    effort_rate : float
+        How fast the effort may change [N m/s or N/s].
     """
     mobility = period / (2.0 * mass)
     root = math.sqrt(2.0 * impedance)
@@ -137,6 +144,7 @@ def port_params(
         leak,
         0.5 * period,
         period * (delay + 0.5),
+        ramp_params(period, mass, effort_rate),
     )
 
 
@@ -197,9 +205,11 @@ def port_effort(
     funds = account + p.half_period * arriving * arriving
     if not given <= funds and given > 0.0:
         # Absorbing is never taken away; giving is limited to what is there.
-        if funds > 0.0:
-            return effort * (funds / given)
-        return 0.0
+        if not funds > 0.0:
+            return 0.0
+        effort = effort * (funds / given)
+    if effort > p.ramp.half_step or effort < -p.ramp.half_step:
+        return ramped_effort(p.ramp, account, coast, effort)
     return effort
 
 

@@ -53,6 +53,7 @@ def bare_port(
     *,
     reserve: float = math.inf,
     leak: float = 0.0,
+    effort_rate: float = math.inf,
 ) -> PortParams:
     """Return the port of one side; without a reserve it is rich, for analysis."""
     return port_params(
@@ -64,6 +65,7 @@ def bare_port(
         filter_gain=pair.filter_step(period),
         reserve=reserve,
         leak=leak,
+        effort_rate=effort_rate,
     )
 
 
@@ -136,7 +138,16 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
             observer.velocity * axis.period,
             axis.velocity_limit,
         )
-        port = bare_port(pair, side, axis.period, axis.inertia, delay, reserve=reserve, leak=leak)
+        port = bare_port(
+            pair,
+            side,
+            axis.period,
+            axis.inertia,
+            delay,
+            reserve=reserve,
+            leak=leak,
+            effort_rate=axis.effort_limit / axis.fade if axis.fade > 0.0 else math.inf,
+        )
     return WaveEndParams(
         port=port,
         observer=observer,

@@ -13,6 +13,7 @@ from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
+from tautwave.laws.ramp import ramp_bound, ramp_params
 from tautwave.laws.servo.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
@@ -98,6 +99,7 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
             )
         yield f"admittance port of {axis_name}", text
     yield from noise_hints(rig, delays)
+    yield from ramp_hints(rig, delays)
     yield from claim_hints(rig, delays)
 
 
@@ -197,6 +199,34 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
                 f"{noise / (claim.effort * claim.velocity):.1%} of what the motor can supply, and "
                 f"its claim grows accordingly; lower wave_impedance{colour}",
             )
+
+
+def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield a hint for each axis whose effort is taken away too slowly for its tank."""
+    for axis_name, axis in rig.axes.items():
+        claim = claim_of(rig, axis_name, delays)
+        if axis.inertia is None or axis.effort_rate_limit is None or not isinstance(claim, Claim):
+            continue
+        limit, period, mass = axis.effort_limit, rig.axis_period_s(axis_name), axis.inertia.lower
+        ramp = ramp_params(period, mass, axis.effort_rate_limit)
+        held = ramp_bound(ramp, claim.reserve, 0.0)
+        if held >= limit:
+            continue
+        enough = limit * limit / (period * limit + 2.0 * math.sqrt(2.0 * mass * claim.reserve))
+        unit = "N m" if axis.kind == "rotary" else "N"
+        yield (
+            f"hint on {axis_name}",
+            f"its effort takes {limit / axis.effort_rate_limit:.2g} s to fall from effort_limit to "
+            f"zero, and its port holds no more than its tank can pay for in that time: at rest it "
+            f"holds at most {held:.2g} {unit}, {held / limit:.0%} of effort_limit; with "
+            f"effort_rate_limit {ceiled(enough)} it holds all of it",
+        )
+
+
+def ceiled(value: float) -> str:
+    """Return a number rounded up to two digits."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{math.ceil(value / step) * step:.2g}"
 
 
 def describe_pair(

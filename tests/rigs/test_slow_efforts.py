@@ -1,0 +1,82 @@
+"""Levers whose effort is taken away slowly: they settle, and without the ramp's bound do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tautwave import check, load_rig, simulate
+from tautwave.config import Rig
+from tautwave.laws import port
+from tautwave.laws.ramp import NO_RAMP
+
+ROOT = Path(__file__).parents[2]
+LEVERS = {
+    "a fifth of a second": (0.0097, 0.002, 0.2, 0.08, "wall"),
+    "a tenth, harder": (0.023, 0.002, 0.105, 0.118, "wall"),
+    "a sixteenth": (0.0476, 0.001, 0.064, 0.16, "wall"),
+    "a twentieth, weak": (0.0596, 0.002, 0.053, 0.07, "wall"),
+    "free": (0.0431, 0.003, 0.13, 0.055, "free"),
+    "a second": (0.075, 0.008, 0.87, 0.45, "free"),
+}
+"""Impedance [N m s/rad], delay [s], time to full effort [s], effort limit [N m], what it meets."""
+
+
+def slow(impedance: float, delay: float, rise: float, limit: float, meets: str) -> Rig:
+    """Return the bench without local walls, at efforts that take `rise` from zero to the limit."""
+    changes = [f"coupling.delay_s={delay}", f"coupling.pairs.lever.wave_impedance={impedance}"]
+    changes += [f"coupling.pairs.lever.wall_{side}=null" for side in ("master", "slave")]
+    for side in ("master", "slave"):
+        axis = f"{side}.axes.lever"
+        changes += [f"{axis}.effort_limit={limit}", f"{axis}.effort_rate_limit={limit / rise}"]
+        true = f"simulation.axes.{side}.lever"
+        changes += [f"{true}.coulomb=0.0", f"{true}.damping=2e-3"]
+    changes += [
+        "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0.5, 0], [0.8, 0.1]]}",
+        "duration_s=8",
+    ]
+    where = "{type: free}"
+    if meets == "wall":
+        where = "{type: wall, position: 0.08, stiffness: 5.0, damping: 0.0}"
+    changes.append(f"simulation.environment.lever={where}")
+    return load_rig(ROOT / "configs/bench-1dof-loopback.yaml", changes)
+
+
+def swing(found: Any, share: float) -> float:
+    """Return how far the slave moves in the last `share` of a run, peak to peak [rad]."""
+    places = found.data[:, list(found.columns).index("slave.lever.position")]
+    last = places[-round(share * len(places)) :]
+    return float(last.max() - last.min())
+
+
+@pytest.mark.parametrize("name", LEVERS)
+def test_a_certified_lever_with_slow_efforts_settles(name: str) -> None:
+    """Nothing stops the run, and what the hand began dies away."""
+    rig = slow(*LEVERS[name])
+    assert check(rig).certificate["passed"]
+    found = simulate(rig)
+    assert found.error is None
+    assert swing(found, 0.125) < 0.4 * swing(found, 1.0)
+
+
+@pytest.mark.parametrize("name", LEVERS)
+def test_without_the_bound_it_is_stopped(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The swing empties the tank: overdrawn, or a lost coupling."""
+    monkeypatch.setattr(port, "ramp_params", lambda *_: NO_RAMP)
+    found = simulate(slow(*LEVERS[name]))
+    assert found.error is not None
+    assert "more energy than its port had" in str(found.error) or "lost its" in str(found.error)
+
+
+def test_check_states_what_a_slow_effort_holds_and_the_rate_that_holds_all() -> None:
+    """A tenth less than the stated rate still has the hint."""
+    limit = LEVERS["a second"][3]
+    said = dict(check(slow(*LEVERS["a second"])).facts)["hint on slave.lever"]
+    assert "takes 0.87 s to fall from effort_limit to zero" in said
+    assert "at rest it holds at most 0.079 N m, 17% of effort_limit" in said
+    enough = float(said.split("with effort_rate_limit ")[1].split(" ")[0])
+    for rate, hinted in ((enough, False), (0.9 * enough, True)):
+        facts = dict(check(slow(0.075, 0.008, limit / rate, limit, "free")).facts)
+        assert ("hint on slave.lever" in facts) == hinted
