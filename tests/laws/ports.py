@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.laws import limit, observer
+from tautwave.laws import limit, observer, ramp
 from tautwave.laws import port as port_law
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve
@@ -67,7 +67,7 @@ def compiled() -> Any:
     for function in (
         *(limit.clamp, limit.truncate, limit.share_effort),
         *(observer.observer_gains, observer.observe),
-        *(port_law.repayment, port_law.port_brake),
+        *(port_law.repayment, port_law.port_brake, ramp.ramp_bound, ramp.ramped_effort),
         *(port_law.port_effort, port_law.port_close, port_law.port_repeat),
         *(_move, _quantised),
     ):

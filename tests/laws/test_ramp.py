@@ -33,7 +33,7 @@ def given_out(mass: float, rate: float, effort: float, against: float) -> float:
 def test_what_the_bound_allows_gives_out_what_is_there(
     mass: float, step: float, periods: int, part: float, energy: float
 ) -> None:
-    """Of whole ramps, where the sum of the samples has no remainder; against and with the motion."""
+    """Of whole ramps, whose sum of samples has no remainder; against and with the motion."""
     rate = step / T
     impulse = 0.5 * rate * T * T * periods * (periods - 1)
     against = part * impulse / mass
