@@ -10,7 +10,9 @@ from click.testing import CliRunner
 
 from tautwave.cli import main
 from tautwave.config.shipped import find_example
+from tautwave.errors import ConfigError
 from tautwave.kinds import kind_of_keys, mistaken
+from tautwave.runtime.operate.commands import read_script
 
 RIG = ("run", "check", "sim", "calibrate", "doctor", "compile")
 RUN = ("view", "ros", "report", "export")
@@ -107,3 +109,31 @@ def test_a_script_that_is_none_is_one_sentence(
     done = CliRunner().invoke(main, [*words, "rig.yaml", "--clock", "fake"])
     assert done.exit_code == 2
     assert done.output.splitlines()[-1].startswith(f"rig.yaml: {part}")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.5 engage\n0.7 bogus\n", "keys.txt:2: write TIME COMMAND"),
+        ("bogus\n", "keys.txt:1: write TIME COMMAND"),
+        (
+            "# keys\nfoo\nbar\n",
+            "keys.txt: contains no line TIME COMMAND, such as `1.5 engage` (line 2",
+        ),
+    ],
+)
+def test_a_wrong_line_of_commands_is_named(text: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read_script(text, "keys.txt")
+    assert str(caught.value).startswith(said)
+
+
+def test_a_duration_below_a_cycle_is_no_matter_of_the_rig_file(tmp_path: Path) -> None:
+    words = ["run", str(find_example("bench-1dof-loopback").path), "--clock", "fake"]
+    done = CliRunner().invoke(
+        main, [*words, "--duration", "1e-9", "--quiet", "--out", str(tmp_path / "run")]
+    )
+    assert done.exit_code == 2
+    sentence = "a duration of 1e-09 s is shorter than one cycle of 0.001 s"
+    assert done.output.splitlines()[-1] == sentence
+    assert not (tmp_path / "run").exists()

@@ -42,3 +42,18 @@ def test_completion_knows_commands_and_options() -> None:
     complete = ShellComplete(main, {}, "tautwave", "_TAUTWAVE_COMPLETE")
     assert [item.value for item in complete.get_completions([], "ch")] == ["check"]
     assert "--allow-uncertified" in {i.value for i in complete.get_completions(["run"], "--a")}
+
+
+def test_ctrl_c_while_modules_are_read_is_one_sentence() -> None:
+    """Python takes a tenth of a second before any command could catch it."""
+    code = (
+        "import sys\n"
+        "class Ended:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'click': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Ended())\n"
+        "from tautwave.cli import main"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert done.stderr == "tautwave: ended by Ctrl-C before anything began\n"

@@ -9,13 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from tautwave.cli import main as cli
 from tautwave.errors import RecordingError
 from tautwave.recordings.recording import read_recording
 from tautwave.runtime.mcap_schema import CDR_HEADER
 from tests.report.recordings import COLUMNS, Sample, slots, write
+from tests.report.synthetic import make_run
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -165,3 +168,29 @@ def test_no_file_no_rows_no_such_column(sample: Sample, tmp_path: Path) -> None:
         read_recording(sample[0], ["time_s"])["zzz"]
     with pytest.raises(RecordingError, match="every n-th row"):
         read_recording(sample[0], stride=0)
+
+
+def test_a_page_is_not_replaced_by_one_without_a_recording(tmp_path: Path) -> None:
+    """It says why, and exits with 2; where there is no page one is written, and it exits with 7."""
+    make_run(tmp_path, rows=200)
+    page = tmp_path / "report.html"
+    page.write_text("good")
+    (tmp_path / "recording.mcap").write_bytes(b"no recording")
+    done = CliRunner().invoke(cli, ["report", str(tmp_path)])
+    assert (done.exit_code, page.read_text()) == (2, "good")
+    (sentence,) = done.output.splitlines()
+    assert sentence.startswith(f"{page}: not rebuilt. ")
+    assert "recording.mcap is not an MCAP file" in sentence
+    page.unlink()
+    done = CliRunner().invoke(cli, ["report", str(tmp_path)])
+    assert done.exit_code == 7
+    assert "cannot be read" in page.read_text()
+    assert done.output.splitlines()[1].startswith(f"{page}: is incomplete. ")
+
+
+def test_a_loop_of_links_is_no_run(tmp_path: Path) -> None:
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    done = CliRunner().invoke(cli, ["export", str(loop)])
+    assert done.exit_code == 2
+    assert done.output == f"{loop}: no such directory; give the --out of a run\n"

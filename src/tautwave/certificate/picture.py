@@ -217,11 +217,11 @@ def _plane(panel: Axes, found: WallVerdict, units: tuple[str, str], asked: float
     )  # fmt: skip
     panel.plot(across * dampings, limits, color=WALL, label="largest K for any hand")
     who = "with the stated hand" if found.hand is not None else "without a hand"
-    ends = [stable(0.0), stable(widest)]
-    if min(ends) > high:
-        # Far above the frame: print the number instead of drawing a line.
-        far = f"{who}: stable to K = {min(ends):.3g}"
-        panel.plot([], [], " ", label=far if math.isfinite(min(ends)) else f"{who}: always stable")
+    here = stable(wall.damping)
+    if min(stable(0.0), here, stable(widest)) > high:
+        # Far above the frame: print the number of `check` instead of drawing a line.
+        far = f"{who}: stable to K = {here:.3g}"
+        panel.plot([], [], " ", label=far if math.isfinite(here) else f"{who}: always stable")
     else:
         x, y = bend(stable, 0.0, widest)
         panel.plot(across * x, y, color=MASTER, linestyle="--", label=f"stable {who}")

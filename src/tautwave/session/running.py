@@ -127,6 +127,10 @@ def run(
     """
     require_drivers(rig)
     if duration_s is not None:
+        if duration_s < rig.period_s:
+            raise ConfigError(
+                f"a duration of {duration_s:g} s is shorter than one cycle of {rig.period_s:g} s"
+            )
         rig = rig.model_copy(update={"duration_s": duration_s})
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
     refuse_endless(rig, list(ways.values()))

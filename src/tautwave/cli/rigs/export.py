@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from tautwave.cli.options import PATH, of_kind, out_option
+from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN
 
 
@@ -63,6 +64,9 @@ def export(
     only = {"--fps": fps, "--task": task, "--velocities": velocities, "--missing": missing,
             "--no-video": no_video}  # fmt: skip
     given = [name for name, value in only.items() if value]
+    for directory in directories:
+        if not directory.exists():
+            raise RecordingError(f"{directory}: no such directory; give the --out of a run")
     if to == "lerobot":
         if columns is not None:
             raise click.UsageError("--columns is for tables; a dataset has fixed columns")

@@ -24,6 +24,8 @@ from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import invalidated, outcome, uncertified, verdicts
 from tautwave.report.units import plural, quantity
 
+PAGE = "report.html"
+
 PICTURE_BYTES = 2_000_000
 """Total size of figures, animations and sounds inside the page; anything beyond is a file beside
 it."""
@@ -49,7 +51,7 @@ def write_page(run: Run) -> Path:
         spent += size
         parts.append(inside() if spent <= PICTURE_BYTES else part.beside())
         spent -= size if spent > PICTURE_BYTES else 0
-    target = run.directory / "report.html"
+    target = run.directory / PAGE
     write_text(target, page(f"{run.name} – tautwave report", parts))
     return target
 

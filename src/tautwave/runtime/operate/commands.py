@@ -201,8 +201,12 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
             )
             continue
         found.append((round(seconds * 1e9), Order(word, argument.strip(), "script")))
-    if problems and not found:
-        raise ConfigError(f"{name}: contains no line TIME COMMAND, such as `1.5 engage`")
+    if len(problems) > 1 and not found:  # another kind of file
+        number, line, *_ = next(timed_lines(text))
+        raise ConfigError(
+            f"{name}: contains no line TIME COMMAND, such as `1.5 engage` (line {number} is "
+            f"{line[:40]!r})"
+        )
     if problems:
         raise ConfigError(problems)
     return found
