@@ -80,28 +80,32 @@ def loop_roots(master: LinearEnd, slave: LinearEnd, samples: int) -> npt.NDArray
     apart = np.exp(1j * (1.0 + 2.4 * np.arange(len(own))))
     begin = np.where(np.abs(own) > 0.1, 0.9999 * own + 1e-4 * apart, 0.5 * apart)
     z = np.concatenate([0.999 * circle, begin]).astype(np.complex128)
+    moving = np.arange(len(z))
     for turn in range(ROUNDS):
-        step = np.zeros_like(z)
-        alive = np.abs(z) > DEAD
+        moving = moving[np.abs(z[moving]) > DEAD]
         # Beside the point, never twice on the same side: some roots are poles of an end, too.
         beside = 2e-14 * np.exp(2.4j * turn)
-        step[alive] = _newton(master, slave, turns, own, z[alive] + beside)
-        for first in range(0, len(z), 512):
+        step = _newton(master, slave, turns, own, z[moving] + beside)
+        for first in range(0, len(moving), 512):
             part = slice(first, first + 512)
-            between = z[part, None] - z[None, :]
+            between = z[moving[part], None] - z[None, :]
             between[between == 0.0] = np.inf
             step[part] = step[part] / (1.0 - step[part] * (1.0 / between).sum(axis=1))
         # A step beyond the neighbours only confuses them.
         step *= np.minimum(1.0, 0.2 / np.maximum(np.abs(step), 1e-300))
-        z = z - step
-        outer = np.abs(z) > 0.9 * np.abs(z).max()
-        if np.abs(step[outer]).max() < 2e-13:
+        z[moving] -= step
+        # Most arrive in some ten rounds and stay, a few need many more.
+        moving = moving[np.abs(step) >= ARRIVED]
+        if not np.any(np.abs(z[moving]) > 0.9 * np.abs(z).max()):
             break
     return z
 
 
 DEAD = 1e-3
 """Roots this small are left where they are: gone within a few periods, often many in one place."""
+
+ARRIVED = 2e-13
+"""A step this small is the last one of its root."""
 
 ROUNDS = 200
 """Rounds after which `loop_roots` gives up; it needs some 10 to 30."""
