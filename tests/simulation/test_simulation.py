@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tautwave.config import load_rig
+from tautwave.config.shipped import find_example
 from tautwave.errors import ConfigError
 from tautwave.simulation import simulate, simulate_pieces
 from tautwave.simulation.kernel import compiled
@@ -73,3 +74,10 @@ def test_numba_is_not_imported_before_it_is_used() -> None:
         [sys.executable, "-c", code, str(RIG.source)], capture_output=True, text=True, check=True
     )
     assert said.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("name", ["bench-1dof-loopback", "scene-resonator"])
+def test_rows_beyond_memory_are_one_sentence(name: str) -> None:
+    """Of a billion seconds, which no machine holds."""
+    with pytest.raises(ConfigError, match="1e.09 s at .* Hz are more rows than fit into memory"):
+        simulate(load_rig(find_example(name).path), duration_s=1e9)

@@ -48,10 +48,22 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
     Raises
     ------
     ConfigError
-        The rig has no simulation, the engine is unknown, or a library is not installed.
+        The rig has no simulation, the engine is unknown, a library is not installed, or the rows do
+        not fit into memory.
     SafetyStop
         The coupling never engaged.
     """
+    try:
+        return _simulate(rig, duration_s, engine)
+    except MemoryError as err:
+        span = rig.duration_s if duration_s is None else duration_s
+        raise ConfigError(
+            f"{rig.name}: {span:g} s at {rig.rate_hz:g} Hz are more rows than fit into memory; "
+            "simulate a shorter duration"
+        ) from err
+
+
+def _simulate(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
     if rig.scene is not None:
         from tautwave.simulation.scene.live import simulate_scene
 
