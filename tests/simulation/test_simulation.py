@@ -79,5 +79,5 @@ def test_numba_is_not_imported_before_it_is_used() -> None:
 @pytest.mark.parametrize("name", ["bench-1dof-loopback", "scene-resonator"])
 def test_rows_beyond_memory_are_one_sentence(name: str) -> None:
     """Of a billion seconds, which no machine holds."""
-    with pytest.raises(ConfigError, match="1e.09 s at .* Hz are more rows than fit into memory"):
+    with pytest.raises(ConfigError, match=r"1e.09 s at .* Hz are more rows than fit into memory"):
         simulate(load_rig(find_example(name).path), duration_s=1e9)
