@@ -44,7 +44,7 @@ import math
 from typing import NamedTuple
 
 from tautwave.laws.limit import clamp
-from tautwave.laws.ramp import RampParams, ramp_params, ramped_effort
+from tautwave.laws.ramp import RampParams, ramp_params
 
 REPAID_SHARE = 0.1
 """Of what stands above half the reserve, the share that a period may spend on repaying."""
@@ -198,19 +198,25 @@ def port_effort(
     arriving : float
         Arriving wave [W**0.5].
     """
-    coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
+    coast = port_coast(p, velocity, outside, pending)
     effort = p.coast_gain * coast - p.wave_gain * arriving
     ahead = coast - (p.half_mobility + p.slip) * effort
     given = -effort * ahead * p.period
     funds = account + p.half_period * arriving * arriving
     if not given <= funds and given > 0.0:
         # Absorbing is never taken away; giving is limited to what is there.
-        if not funds > 0.0:
-            return 0.0
-        effort = effort * (funds / given)
-    if effort > p.ramp.half_step or effort < -p.ramp.half_step:
-        return ramped_effort(p.ramp, account, coast, effort)
+        if funds > 0.0:
+            return effort * (funds / given)
+        return 0.0
     return effort
+
+
+def port_coast(p: PortParams, velocity: float, outside: float, pending: float) -> float:
+    """Return the mean velocity of the period in which an effort will act, without that effort.
+
+    Arguments are those of `port_effort`, the result is in rad/s or m/s.
+    """
+    return velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
 
 
 def port_brake(p: PortParams, account: float, effort: float) -> float:

@@ -202,7 +202,8 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
 
 
 def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
-    """Yield a hint for each axis whose effort is taken away too slowly for its tank."""
+    """Yield a hint on the axis whose slow effort leaves it least of its limit at rest."""
+    found = []
     for axis_name, axis in rig.axes.items():
         claim = claim_of(rig, axis_name, delays)
         if axis.inertia is None or axis.effort_rate_limit is None or not isinstance(claim, Claim):
@@ -210,17 +211,26 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[s
         limit, period, mass = axis.effort_limit, rig.axis_period_s(axis_name), axis.inertia.lower
         ramp = ramp_params(period, mass, axis.effort_rate_limit)
         held = ramp_bound(ramp, claim.reserve, 0.0)
-        if held >= limit:
-            continue
-        enough = limit * limit / (period * limit + 2.0 * math.sqrt(2.0 * mass * claim.reserve))
-        unit = "N m" if axis.kind == "rotary" else "N"
-        yield (
-            f"hint on {axis_name}",
-            f"its effort takes {limit / axis.effort_rate_limit:.2g} s to fall from effort_limit to "
-            f"zero, and its port holds no more than its tank can pay for in that time: at rest it "
-            f"holds at most {held:.2g} {unit}, {held / limit:.0%} of effort_limit; with "
-            f"effort_rate_limit {ceiled(enough)} it holds all of it",
-        )
+        if held < limit:
+            enough = limit * limit / (period * limit + 2.0 * math.sqrt(2.0 * mass * claim.reserve))
+            found.append((held / limit, axis_name, held, enough))
+    if not found:
+        return
+    share, axis_name, held, enough = min(found)
+    axis = rig.axes[axis_name]
+    fall = 1e3 * axis.effort_limit / (axis.effort_rate_limit or math.inf)
+    unit = "N m" if axis.kind == "rotary" else "N"
+    others, more = len(found) - 1, ""
+    if others:
+        which = "one more axis holds" if others == 1 else f"{others} more axes hold"
+        more = f"; {which} less than the limit as well"
+    yield (
+        f"hint on {axis_name}",
+        f"its effort takes {short(fall)} ms to fall from effort_limit to zero, and its port holds "
+        f"no more than its tank can pay for in that time: at rest at most {held:.2g} {unit}, "
+        f"{share:.0%} of effort_limit; with effort_rate_limit {ceiled(enough)} it holds all of it"
+        f"{more}",
+    )
 
 
 def ceiled(value: float) -> str:
