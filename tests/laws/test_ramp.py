@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.laws.port import port_effort, port_params
+from tautwave.laws.port import port_bounded, port_effort, port_params
 from tautwave.laws.ramp import NO_RAMP, ramp_bound, ramp_params, ramped_effort
 
 T = 1e-3
@@ -85,7 +85,8 @@ def test_a_port_s_effort_is_bounded_and_a_rich_or_fast_one_is_not() -> None:
 
     def port(rate: float) -> float:
         p = port_params(T, 0.05, 1e-3, reserve=0.01, effort_rate=rate)
-        return port_effort(p, account, 4.0, 10.0, 0.02, 0.0)
+        now = (account, 4.0, 10.0, 0.02)
+        return port_bounded(p, *now, port_effort(p, *now, 0.0))
 
     account = 1e-5
     free = port(math.inf)

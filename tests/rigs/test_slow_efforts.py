@@ -80,3 +80,28 @@ def test_check_states_what_a_slow_effort_holds_and_the_rate_that_holds_all() -> 
     for rate, hinted in ((enough, False), (0.9 * enough, True)):
         facts = dict(check(slow(0.075, 0.008, limit / rate, limit, "free")).facts)
         assert ("hint on slave.lever" in facts) == hinted
+
+
+@pytest.mark.parametrize("noise", [0.0, 9e-5])
+@pytest.mark.parametrize("rise", [0.02, 0.1, 0.5])
+def test_a_strong_press_is_held_alike_at_both_ends(rise: float, noise: float) -> None:
+    """A bound that the tank paid for let the master go, while the slave pressed with all it had."""
+    changes = ["duration_s=60"]
+    for side in ("master", "slave"):
+        axis = f"{side}.axes.lever"
+        changes += [f"{axis}.effort_rate_limit={1.125 / rise}", f"{axis}.position_noise={noise}"]
+    hand, met = "simulation.hand.lever.reference", "simulation.environment.lever"
+    changes += [
+        f"{hand}={{type: minimum_jerk, waypoints: [[0.5, 0], [1.5, 0.4]]}}",
+        f"{met}={{type: wall, position: 0.05, stiffness: 250.0, damping: 0.002}}",
+    ]
+    rig = load_rig(ROOT / "configs/bench-1dof-2khz.yaml", changes)
+    found = simulate(rig)
+    assert found.error is None
+    last = found.data[-len(found.data) // 8 :]
+    felt, pressed = (
+        abs(float(last[:, list(found.columns).index(f"{side}.lever.commanded")].mean()))
+        for side in ("master", "slave")
+    )
+    assert felt == pytest.approx(pressed, rel=0.05)
+    assert pressed > {0.02: 0.2, 0.1: 0.3, 0.5: 0.13}[rise]

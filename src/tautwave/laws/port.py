@@ -205,10 +205,28 @@ def port_effort(
     funds = account + p.half_period * arriving * arriving
     if not given <= funds and given > 0.0:
         # Absorbing is never taken away; giving is limited to what is there.
-        if not funds > 0.0:
-            return 0.0
-        effort = effort * (funds / given)
+        if funds > 0.0:
+            return effort * (funds / given)
+        return 0.0
+    return effort
+
+
+def port_bounded(
+    p: PortParams,
+    account: float,
+    velocity: float,
+    outside: float,
+    pending: float,
+    effort: float,
+) -> float:
+    """Return as much of `port_effort` as the tank pays for until it is taken away [N m or N].
+
+    Of the same velocity, acceleration and efforts on their way. What it takes is cut as by a limit,
+    and to be told to `port_close`: else the tank pays for a device that it lets go, and so holds
+    less and less, until one end presses with all it has and nothing is felt at the other.
+    """
     if effort > p.ramp.half_step or effort < -p.ramp.half_step:
+        coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
         return ramped_effort(p.ramp, account, coast, effort)
     return effort
 
@@ -258,7 +276,8 @@ def port_close(
     wave_sum, wave_energy : float
         Sum [W**0.5] and energy [J] of the arriving waves whose commands acted.
     cut : bool
-        Whether limits took from an effort that acted, by more than the drive's quantum.
+        Whether limits or `port_bounded` took from an effort that acted, by more than the drive's
+        quantum.
 
     Returns
     -------
