@@ -351,7 +351,8 @@ class CoupledAxis(NamedTuple):
     `period` of its bus; `gain` of its tracker; `inertia`: lower bound, None: it takes velocities;
     `mass`, `viscous`, `coulomb`: estimates; `delay` in periods until a command acts, `late` beyond;
     `outside_stiffness`: upper bound or 0; `fade`: from effort limit to 0; `noise_lags`, if known;
-    `follows`: mean lag [s] of a device behind its goal, None without one.
+    `follows`: mean lag [s] of a device behind its goal, None without one; `effort_rate`: what the
+    coupling has of the effort rate limit, beside a load that is carried.
     """
 
     period: float
@@ -372,6 +373,7 @@ class CoupledAxis(NamedTuple):
     coulomb: float = 0.0
     senses: bool = False
     follows: float | None = None
+    effort_rate: float = math.inf
 
 
 class Row(Protocol):

@@ -11,6 +11,8 @@ from tautwave import check, load_rig, simulate
 from tautwave.config import Rig
 from tautwave.laws import port
 from tautwave.laws.ramp import NO_RAMP
+from tautwave.rig import command_delays
+from tautwave.rig.controller import end_constants, site_params
 
 ROOT = Path(__file__).parents[2]
 LEVERS = {
@@ -75,11 +77,24 @@ def test_check_states_what_a_slow_effort_holds_and_the_rate_that_holds_all() -> 
     limit = LEVERS["a second"][3]
     said = dict(check(slow(*LEVERS["a second"])).facts)["hint on slave.lever"]
     assert "takes 0.87 s to fall from effort_limit to zero" in said
-    assert "at rest it holds at most 0.079 N m, 17% of effort_limit" in said
+    assert "at rest a full tank holds about 0.079 N m, 17% of effort_limit" in said
     enough = float(said.split("with effort_rate_limit ")[1].split(" ")[0])
     for rate, hinted in ((enough, False), (0.9 * enough, True)):
         facts = dict(check(slow(0.075, 0.008, limit / rate, limit, "free")).facts)
         assert ("hint on slave.lever" in facts) == hinted
+
+
+@pytest.mark.parametrize(
+    "name", ["arms-loopback", "bench-1dof-loopback", "bench-multirate-loopback"]
+)
+def test_a_port_knows_the_rate_that_it_has(name: str) -> None:
+    """Also on a bus that is served every tenth cycle, and beside a load that takes half of it."""
+    rig = load_rig(ROOT / f"configs/{name}.yaml")
+    delays = command_delays(rig)
+    for axis_name in rig.axes:
+        ramp = end_constants(rig, axis_name, delays[axis_name]).port.ramp
+        step = site_params(rig, axis_name).limit.effort_step
+        assert 2.0 * ramp.half_step == pytest.approx(step, rel=1e-12)
 
 
 @pytest.mark.parametrize("noise", [0.0, 9e-5])

@@ -15,6 +15,7 @@ from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
 from tautwave.laws.ramp import ramp_bound, ramp_params
 from tautwave.laws.servo.admittance import greatest_stiffness
+from tautwave.rig import coupled_axis
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 
@@ -208,17 +209,18 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[s
         if axis.inertia is None or axis.effort_rate_limit is None or not isinstance(claim, Claim):
             continue
         limit, period, mass = axis.effort_limit, rig.axis_period_s(axis_name), axis.inertia.lower
-        ramp = ramp_params(period, mass, axis.effort_rate_limit)
-        held = ramp_bound(ramp, claim.reserve, 0.0)
+        rate = coupled_axis(rig, axis_name, delays[axis_name]).effort_rate
+        held = ramp_bound(ramp_params(period, mass, rate), claim.reserve, 0.0)
         if held >= limit:
             continue
         enough = limit * limit / (period * limit + 2.0 * math.sqrt(2.0 * mass * claim.reserve))
+        enough *= axis.effort_rate_limit / rate
         unit = "N m" if axis.kind == "rotary" else "N"
         yield (
             f"hint on {axis_name}",
-            f"its effort takes {limit / axis.effort_rate_limit:.2g} s to fall from effort_limit to "
-            f"zero, and its port holds no more than its tank can pay for in that time: at rest it "
-            f"holds at most {held:.2g} {unit}, {held / limit:.0%} of effort_limit; with "
+            f"its effort takes {limit / rate:.2g} s to fall from effort_limit to "
+            f"zero, and its port holds no more than its tank can pay for in that time: at rest a "
+            f"full tank holds about {held:.2g} {unit}, {held / limit:.0%} of effort_limit; with "
             f"effort_rate_limit {ceiled(enough)} it holds all of it",
         )
 
@@ -226,7 +228,7 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[s
 def ceiled(value: float) -> str:
     """Return a number rounded up to two digits."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return f"{math.ceil(value / step) * step:.2g}"
+    return f"{float(f'{math.ceil(value / step) * step:.2g}'):g}"
 
 
 def describe_pair(
