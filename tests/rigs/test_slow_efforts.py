@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tautwave import check, load_rig, simulate
 from tautwave.config import Rig
+from tautwave.couplings.wave.messages import ramp_hints
+from tautwave.couplings.wave.port import think
 from tautwave.laws import port
-from tautwave.laws.ramp import NO_RAMP
+from tautwave.laws.port import port_effort
+from tautwave.laws.ramp import NO_RAMP, ramp_bound
 from tautwave.rig import command_delays
 from tautwave.rig.controller import end_constants, site_params
 
@@ -120,3 +124,44 @@ def test_a_strong_press_is_held_alike_at_both_ends(rise: float, noise: float) ->
     )
     assert felt == pytest.approx(pressed, rel=0.05)
     assert pressed > {0.02: 0.2, 0.1: 0.3, 0.5: 0.13}[rise]
+
+
+def stated(name: str, *changes: str) -> dict[str, str]:
+    """Return the hints of a shipped rig."""
+    rig = load_rig(ROOT / f"configs/{name}.yaml", changes)
+    return dict(ramp_hints(rig, command_delays(rig)))
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "rate"),
+    [
+        ("bench-1dof-loopback", "slave.axes.lever.", 110.0),
+        ("arms-loopback", "slave.defaults.", 100.0),
+    ],
+)
+def test_the_stated_rate_is_the_least(name: str, axis: str, rate: float) -> None:
+    """Where a period's step counts, and beside a carried load, which has half of the rate."""
+    found = stated(name, f"{axis}effort_rate_limit={rate}")
+    for hinted, said in found.items():
+        enough = float(said.split("with effort_rate_limit ")[1].split(" ")[0])
+        at = f"{hinted.removeprefix('hint on ').replace('.', '.axes.')}.effort_rate_limit"
+        assert hinted not in stated(name, f"{at}={enough}")
+        assert hinted in stated(name, f"{at}={0.9 * enough}")
+    assert found
+
+
+def test_a_port_is_bounded_by_where_its_device_is_when_the_effort_acts() -> None:
+    """Velocity, push and the efforts under way are those of the effort itself."""
+    rig = load_rig(
+        ROOT / "configs/bench-1dof-loopback.yaml",
+        ["slave.axes.lever.effort_rate_limit=5", "buses.arm.options={command_delay_s: 0.002}"],
+    )
+    k = end_constants(rig, "slave.lever", command_delays(rig)["slave.lever"])
+    e = SimpleNamespace(
+        account=1e-4, velocity=3.0, push=40.0, under_way=1.5e-3, wave_in=-6.0, wanted=0.0
+    )
+    found = think(SimpleNamespace(end=e, port_effort=0.0), SimpleNamespace(end=k), 0.0)  # type: ignore[arg-type]
+    asked = port_effort(k.port, 1e-4, 3.0, 40.0, 1.5e-3, -6.0)
+    coast = 3.0 + k.port.ahead * 40.0 - 2.0 * k.port.half_mobility * 1.5e-3
+    assert found == ramp_bound(k.port.ramp, 1e-4, coast) < asked
+    assert e.wanted == asked
