@@ -18,6 +18,7 @@ is stopped as overdrawn or as a lost coupling. Source: derived here.
 from __future__ import annotations
 
 import math
+import sys
 from typing import NamedTuple
 
 from tautwave.laws.limit import clamp
@@ -26,8 +27,8 @@ from tautwave.laws.limit import clamp
 class RampParams(NamedTuple):
     """Constants, in the device's own units.
 
-    half_step h: half of what the effort may change in a period [N m or N], inf without a limit;
-    gain 2 R m; spread 2/m, the squared velocity per energy.
+    half_step h: half of what the effort may change in a period [N m or N], the greatest number
+    without a limit; gain 2 R m; spread 2/m, the squared velocity per energy.
     """
 
     half_step: float
@@ -35,7 +36,7 @@ class RampParams(NamedTuple):
     spread: float
 
 
-NO_RAMP = RampParams(math.inf, 0.0, 0.0)
+NO_RAMP = RampParams(sys.float_info.max, 0.0, 0.0)
 
 
 def ramp_params(period: float, mass: float, rate: float) -> RampParams:

@@ -96,6 +96,11 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     )
 
 
+def port_rate(rig: Rig, axis_name: str, delays: Delays) -> float:
+    """Return what a port has of its axis' effort rate [N m/s or N/s]."""
+    return coupled_axis(rig, axis_name, delays[axis_name]).effort_rate
+
+
 def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
     """Return what an end may supply in a run, as seen by its encoder [J]; inf: no claim."""
     claim = claim_of(rig, axis_name, delays)

@@ -9,13 +9,12 @@ from typing import Any
 from tautwave.analysis.claim import Claim, short, watts
 from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Axis, Rig
-from tautwave.couplings.wave.claim import claim_of
+from tautwave.couplings.wave.claim import claim_of, port_rate
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
 from tautwave.laws.ramp import ramp_bound, ramp_params
 from tautwave.laws.servo.admittance import greatest_stiffness
-from tautwave.rig import coupled_axis
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 
@@ -209,7 +208,7 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[s
         if axis.inertia is None or axis.effort_rate_limit is None or not isinstance(claim, Claim):
             continue
         limit, period, mass = axis.effort_limit, rig.axis_period_s(axis_name), axis.inertia.lower
-        rate = coupled_axis(rig, axis_name, delays[axis_name]).effort_rate
+        rate = port_rate(rig, axis_name, delays)
         held = ramp_bound(ramp_params(period, mass, rate), claim.reserve, 0.0)
         if held >= limit:
             continue
