@@ -350,8 +350,8 @@ class CoupledAxis(NamedTuple):
 
     `period` of its bus; `gain` of its tracker; `inertia`: lower bound, None: it takes velocities;
     `mass`, `viscous`, `coulomb`: estimates; `delay` in periods until a command acts, `late` beyond;
-    `outside_stiffness`: upper bound or 0; `fade`: from effort limit to 0; `noise_lags`, if known;
-    `follows`: mean lag [s] of a device behind its goal, None without one.
+    `outside_stiffness`: upper bound or 0; `noise_lags`, if known; `follows`: mean lag [s] behind
+    its goal, None without; `effort_rate`: the coupling's share of `effort_rate_limit`.
     """
 
     period: float
@@ -366,12 +366,12 @@ class CoupledAxis(NamedTuple):
     effort_quantum: float = 0.0
     noise_lags: tuple[float, ...] | None = None
     effort_limit: float = math.inf
-    fade: float = 0.0
     mass: float | None = None
     viscous: float = 0.0
     coulomb: float = 0.0
     senses: bool = False
     follows: float | None = None
+    effort_rate: float = math.inf
 
 
 class Row(Protocol):

@@ -68,8 +68,7 @@ def compiled() -> Any:
         *(limit.clamp, limit.truncate, limit.share_effort),
         *(observer.observer_gains, observer.observe),
         *(port_law.repayment, port_law.port_brake, ramp.ramp_bound, ramp.ramped_effort),
-        *(port_law.port_coast, port_law.port_effort),
-        *(port_law.port_close, port_law.port_repeat),
+        *(port_law.port_effort, port_law.port_bounded, port_law.port_close, port_law.port_repeat),
         *(_move, _quantised),
     ):
         register_jitable(function)
@@ -172,7 +171,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
             ring[i] = ring[i + 1]
         ring[a.line] = leaving
         asked = sent = last
-        wall = 0.0
+        wall = bounded = 0.0
         if stopped:
             asked = port_law.port_brake(port, account, a.braking * tracked) if known else 0.0
             sent = asked
@@ -188,9 +187,8 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
                 effort += limit.clamp(wanted - efforts[n], a.quantum)
             wanted = effort
             asked = effort + wall
-            coast = port_law.port_coast(port, velocity, outside, pending)
-            effort = ramp.ramped_effort(port.ramp, account, coast, effort)
-            sent = effort + wall
+            bounded = port_law.port_bounded(port, account, velocity, outside, pending, effort)
+            sent = bounded + wall
         if stopped or known:
             sent = limit.clamp(sent, a.most)
             sent = min(max(sent, last - a.step), last + a.step)
@@ -199,7 +197,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
             wall = totals[n] - efforts[n]
         share = sent
         if wall != 0.0:
-            share = limit.share_effort(wall, effort, sent) if known else efforts[n]
+            share = limit.share_effort(wall, bounded, sent) if known else efforts[n]
         last = sent
         for i in range(n):
             efforts[i], totals[i] = efforts[i + 1], totals[i + 1]

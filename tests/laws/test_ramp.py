@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.couplings.wave.port import think
-from tautwave.laws.observer import observer_params
-from tautwave.laws.port import port_params
+from tautwave.laws.port import port_bounded, port_effort, port_params
 from tautwave.laws.ramp import NO_RAMP, ramp_bound, ramp_params, ramped_effort
 
 T = 1e-3
@@ -83,25 +80,21 @@ def test_what_is_not_finite_reaches_the_guard(effort: float) -> None:
     assert found == effort or (math.isnan(found) and math.isnan(effort))
 
 
-def test_an_end_bounds_its_effort_and_counts_as_cut() -> None:
-    """By its tank, at the velocity where the effort acts; the wave must know what was wanted."""
+def test_a_port_s_effort_is_bounded_and_a_rich_or_fast_one_is_not() -> None:
+    """The port hands on its tank and the velocity where the effort acts."""
 
-    def asked(rate: float, account: float, sign: float = 1.0) -> tuple[float, float]:
+    def port(rate: float) -> float:
         p = port_params(T, 0.05, 1e-3, reserve=0.01, effort_rate=rate)
-        end = SimpleNamespace(account=account, velocity=sign * 4.0, push=sign * 10.0, wave_in=0.0,
-                              under_way=sign * 0.02, wanted=0.0)  # fmt: skip
-        known = SimpleNamespace(port=p, observer=observer_params(T, 1e-3, 0.5), step=0.0, late=0.0)
-        effort = think(SimpleNamespace(end=end), SimpleNamespace(end=known), 0.0)
-        return effort, end.wanted
+        now = (account, 4.0, 10.0, 0.02)
+        return port_bounded(p, *now, port_effort(p, *now, 0.0))
 
-    free, _ = asked(math.inf, 1e-5)
+    account = 1e-5
+    free = port(math.inf)
+    assert port(1e6) == free
     coast = 4.0 + 0.5 * T * 10.0 - T / 1e-3 * 0.02
-    bound = ramp_bound(ramp_params(T, 1e-3, 1.0), 1e-5, coast)
-    assert bound < 0.6 * free
-    for sign in (1.0, -1.0):
-        assert asked(1.0, 1e-5, sign) == (sign * bound, sign * free)
-        assert asked(1e6, 1e-5, sign) == (sign * free, sign * free)
-        assert asked(1.0, 1.0, sign) == (sign * free, sign * free)
+    assert port(1.0) == ramp_bound(ramp_params(T, 1e-3, 1.0), account, coast) < 0.6 * free
+    account = 1.0
+    assert port(1.0) == free
 
 
 def test_without_a_rate_limit_there_is_no_ramp() -> None:

@@ -27,7 +27,7 @@ from tests.rigs.running import Tree, rig_of, tree
 
 T = 1e-3
 AXIS = CoupledAxis(
-    T, 1.0, 0.5, 1e-5, 1e-4, 0, 0.0, velocity_limit=10.0, effort_limit=100.0, fade=2 * T
+    T, 1.0, 0.5, 1e-5, 1e-4, 0, 0.0, velocity_limit=10.0, effort_limit=100.0, effort_rate=50.0 / T
 )
 """Half a kilogram: a reserve of 0.02 J, 25 J at its velocity limit."""
 GAIN = 300.0

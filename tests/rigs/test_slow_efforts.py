@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tautwave import check, load_rig, simulate
+from tautwave.analysis.claim import Claim
 from tautwave.config import Rig
+from tautwave.couplings.wave.claim import claim_of
+from tautwave.couplings.wave.messages import ramp_hints
+from tautwave.couplings.wave.port import think
 from tautwave.laws import port
-from tautwave.laws.ramp import NO_RAMP
+from tautwave.laws.port import port_effort
+from tautwave.laws.ramp import NO_RAMP, ramp_bound
+from tautwave.rig import command_delays
+from tautwave.rig.controller import end_constants, site_params
 
 ROOT = Path(__file__).parents[2]
 LEVERS = {
@@ -75,9 +83,91 @@ def test_check_states_what_a_slow_effort_holds_and_the_rate_that_holds_all() -> 
     limit = LEVERS["a second"][3]
     said = dict(check(slow(*LEVERS["a second"])).facts)["hint on master.lever"]
     assert "takes 870 ms to fall from effort_limit to zero" in said
-    assert "at rest at most 0.079 N m, 17% of effort_limit" in said
+    assert "at rest a full tank holds about 0.079 N m, 17% of effort_limit" in said
     assert said.endswith("; one more axis holds less than the limit as well")
     enough = float(said.split("with effort_rate_limit ")[1].split(" ")[0])
     for rate, hinted in ((enough, False), (0.9 * enough, True)):
         facts = dict(check(slow(0.075, 0.008, limit / rate, limit, "free")).facts)
         assert ("hint on master.lever" in facts) == hinted
+
+
+@pytest.mark.parametrize(
+    "name", ["arms-loopback", "bench-1dof-loopback", "bench-multirate-loopback"]
+)
+def test_a_port_knows_the_rate_that_it_has(name: str) -> None:
+    """Also on a bus that is served every tenth cycle, and beside a load that takes half of it."""
+    rig = load_rig(ROOT / f"configs/{name}.yaml")
+    delays = command_delays(rig)
+    for axis_name in rig.axes:
+        ramp = end_constants(rig, axis_name, delays[axis_name]).port.ramp
+        step = site_params(rig, axis_name).limit.effort_step
+        assert 2.0 * ramp.half_step == pytest.approx(step, rel=1e-12)
+        claim = claim_of(rig, axis_name, delays)
+        assert isinstance(claim, Claim)
+        assert claim.rate * claim.period == pytest.approx(step, rel=1e-12)
+
+
+@pytest.mark.parametrize("noise", [0.0, 9e-5])
+@pytest.mark.parametrize("rise", [0.02, 0.1, 0.5])
+def test_a_strong_press_is_held_alike_at_both_ends(rise: float, noise: float) -> None:
+    """A bound that the tank paid for let the master go, while the slave pressed with all it had."""
+    changes = ["duration_s=60"]
+    for side in ("master", "slave"):
+        axis = f"{side}.axes.lever"
+        changes += [f"{axis}.effort_rate_limit={1.125 / rise}", f"{axis}.position_noise={noise}"]
+    hand, met = "simulation.hand.lever.reference", "simulation.environment.lever"
+    changes += [
+        f"{hand}={{type: minimum_jerk, waypoints: [[0.5, 0], [1.5, 0.4]]}}",
+        f"{met}={{type: wall, position: 0.05, stiffness: 250.0, damping: 0.002}}",
+    ]
+    rig = load_rig(ROOT / "configs/bench-1dof-2khz.yaml", changes)
+    found = simulate(rig)
+    assert found.error is None
+    last = found.data[-len(found.data) // 8 :]
+    felt, pressed = (
+        abs(float(last[:, list(found.columns).index(f"{side}.lever.commanded")].mean()))
+        for side in ("master", "slave")
+    )
+    assert felt == pytest.approx(pressed, rel=0.05)
+    assert pressed > {0.02: 0.2, 0.1: 0.3, 0.5: 0.13}[rise]
+
+
+def stated(name: str, *changes: str) -> dict[str, str]:
+    """Return the hints of a shipped rig."""
+    rig = load_rig(ROOT / f"configs/{name}.yaml", changes)
+    return dict(ramp_hints(rig, command_delays(rig)))
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "rate"),
+    [
+        ("bench-1dof-loopback", "slave.axes.lever.", 110.0),
+        ("arms-loopback", "slave.defaults.", 100.0),
+    ],
+)
+def test_the_stated_rate_is_the_least(name: str, axis: str, rate: float) -> None:
+    """Where a period's step counts, and beside a carried load, which has half of the rate."""
+    found = stated(name, f"{axis}effort_rate_limit={rate}")
+    for hinted, said in found.items():
+        enough = float(said.split("with effort_rate_limit ")[1].split(" ")[0])
+        at = f"{hinted.removeprefix('hint on ').replace('.', '.axes.')}.effort_rate_limit"
+        assert hinted not in stated(name, f"{at}={enough}")
+        assert hinted in stated(name, f"{at}={0.9 * enough}")
+    assert found
+
+
+def test_a_port_is_bounded_by_where_its_device_is_when_the_effort_acts() -> None:
+    """Velocity, push and the efforts under way are those of the effort itself."""
+    rig = load_rig(
+        ROOT / "configs/bench-1dof-loopback.yaml",
+        ["slave.axes.lever.effort_rate_limit=5", "buses.arm.options={command_delay_s: 0.002}"],
+    )
+    k = end_constants(rig, "slave.lever", command_delays(rig)["slave.lever"])
+    e = SimpleNamespace(
+        account=1e-4, velocity=3.0, push=40.0, under_way=1.5e-3, wave_in=-6.0, wanted=0.0
+    )
+    found = think(SimpleNamespace(end=e, port_effort=0.0), SimpleNamespace(end=k), 0.0)  # type: ignore[arg-type]
+    asked = port_effort(k.port, 1e-4, 3.0, 40.0, 1.5e-3, -6.0)
+    coast = 3.0 + k.port.ahead * 40.0 - 2.0 * k.port.half_mobility * 1.5e-3
+    assert found == ramp_bound(k.port.ramp, 1e-4, coast) < asked
+    assert e.wanted == asked

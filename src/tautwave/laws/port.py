@@ -44,7 +44,7 @@ import math
 from typing import NamedTuple
 
 from tautwave.laws.limit import clamp
-from tautwave.laws.ramp import RampParams, ramp_params
+from tautwave.laws.ramp import RampParams, ramp_params, ramped_effort
 
 REPAID_SHARE = 0.1
 """Of what stands above half the reserve, the share that a period may spend on repaying."""
@@ -198,7 +198,7 @@ def port_effort(
     arriving : float
         Arriving wave [W**0.5].
     """
-    coast = port_coast(p, velocity, outside, pending)
+    coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
     effort = p.coast_gain * coast - p.wave_gain * arriving
     ahead = coast - (p.half_mobility + p.slip) * effort
     given = -effort * ahead * p.period
@@ -211,12 +211,24 @@ def port_effort(
     return effort
 
 
-def port_coast(p: PortParams, velocity: float, outside: float, pending: float) -> float:
-    """Return the mean velocity of the period in which an effort will act, without that effort.
+def port_bounded(
+    p: PortParams,
+    account: float,
+    velocity: float,
+    outside: float,
+    pending: float,
+    effort: float,
+) -> float:
+    """Return as much of `port_effort` as the tank pays for until it is taken away [N m or N].
 
-    Arguments are those of `port_effort`, the result is in rad/s or m/s.
+    Of the same velocity, acceleration and efforts on their way. What it takes is cut as by a limit,
+    and to be told to `port_close`: else the tank pays for a device that it lets go, and so holds
+    less and less, until one end presses with all it has and nothing is felt at the other.
     """
-    return velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
+    if effort > p.ramp.half_step or effort < -p.ramp.half_step:
+        coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
+        return ramped_effort(p.ramp, account, coast, effort)
+    return effort
 
 
 def port_brake(p: PortParams, account: float, effort: float) -> float:
@@ -264,7 +276,8 @@ def port_close(
     wave_sum, wave_energy : float
         Sum [W**0.5] and energy [J] of the arriving waves whose commands acted.
     cut : bool
-        Whether limits took from an effort that acted, by more than the drive's quantum.
+        Whether limits or `port_bounded` took from an effort that acted, by more than the drive's
+        quantum.
 
     Returns
     -------

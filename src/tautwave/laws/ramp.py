@@ -26,8 +26,8 @@ from tautwave.laws.limit import clamp
 class RampParams(NamedTuple):
     """Constants, in the device's own units.
 
-    half_step h: half of what the effort may change in a period [N m or N], inf without a limit;
-    gain 2 R m; spread 2/m, the squared velocity per energy.
+    half_step h: half of what the effort may change in a period [N m or N], 1e308 without
+    a limit, since constants are finite; gain 2 R m; spread 2/m, the squared velocity per energy.
     """
 
     half_step: float
@@ -35,7 +35,7 @@ class RampParams(NamedTuple):
     spread: float
 
 
-NO_RAMP = RampParams(math.inf, 0.0, 0.0)
+NO_RAMP = RampParams(1e308, 0.0, 0.0)
 
 
 def ramp_params(period: float, mass: float, rate: float) -> RampParams:

@@ -18,7 +18,7 @@ from tautwave.laws.limit import LimitParams
 from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
-from tautwave.rig.arms import LOAD_SHARE, load_reserves
+from tautwave.rig.arms import LOAD_SHARE, carried_axes, load_reserves
 from tautwave.rig.network import trace_of
 from tautwave.rig.scales import pair_scale, slave_offset
 from tautwave.rig.support import compensation_params, inertia_params
@@ -54,6 +54,7 @@ def coupling_law(rig: Rig) -> Law:
 def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
     """Return what a coupling gets to know of an axis."""
     axis = rig.axes[axis_name]
+    carries = axis_name in carried_axes(rig, axis_name.split(".")[0])
     place, noise, effort = axis.encoder_quantum, axis.position_noise, axis.effort_quantum
     if axis.follower is not None:
         # The goal is a number; what is read of the device stretches the spring.
@@ -72,12 +73,12 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
         effort_quantum=effort,
         noise_lags=axis.position_noise_autocorrelation,
         effort_limit=axis.effort_limit,
-        fade=axis.effort_limit / (axis.effort_rate_limit or math.inf),
         mass=None if axis.inertia is None else axis.inertia.value,
         viscous=axis.damping.value,
         coulomb=axis.coulomb.value,
         senses=axis.effort_sensor is not None,
         follows=None if axis.follower is None else axis.follower.lag_s,
+        effort_rate=(1.0 - LOAD_SHARE if carries else 1.0) * (axis.effort_rate_limit or math.inf),
     )
 
 

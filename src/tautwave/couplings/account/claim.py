@@ -33,7 +33,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         leak=greatest_income(account) / known.period,
         feigned=0.0,
         effort=axis.effort_limit,
-        rate=axis.effort_rate_limit or 0.0,
+        rate=known.effort_rate,
         velocity=known.velocity_limit,
         wall=0.0 if local_wall(rig, axis_name) is None else axis.effort_limit,
         period=known.period,

@@ -110,6 +110,7 @@ def account_params(
         )
     assert axis.inertia is not None
     reserve = account_reserve(keys, axis)
+    ramp = 0.5 * axis.effort_limit / axis.effort_rate
     kinetic = 0.5 * axis.inertia * axis.velocity_limit**2
     full = max(FULL * reserve, TANK_SHARE * kinetic if keys.tank is None else keys.tank)
     leads = side == keys.leader
@@ -123,7 +124,7 @@ def account_params(
     taken = noise_taken(axis)
     return AccountParams(
         reserve=reserve,
-        debt=reserve + 0.5 * axis.effort_limit * axis.velocity_limit * axis.fade,
+        debt=reserve + axis.effort_limit * axis.velocity_limit * ramp,
         least=reserve if leads else max(reserve, keys.kept * full),
         mark=LEADER_SHARE * full if leads else full,
         full=full,

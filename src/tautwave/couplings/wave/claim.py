@@ -78,7 +78,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         leak=tank_leak(pair, side, known),
         feigned=noise.gained,
         effort=axis.effort_limit,
-        rate=axis.effort_rate_limit or 0.0,
+        rate=known.effort_rate,
         velocity=known.velocity_limit,
         wall=wall,
         period=known.period,

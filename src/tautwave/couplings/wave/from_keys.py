@@ -146,7 +146,7 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
             delay,
             reserve=reserve,
             leak=leak,
-            effort_rate=axis.effort_limit / axis.fade if axis.fade > 0.0 else math.inf,
+            effort_rate=axis.effort_rate,
         )
     return WaveEndParams(
         port=port,

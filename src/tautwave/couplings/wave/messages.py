@@ -209,34 +209,32 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[s
         if axis.inertia is None or axis.effort_rate_limit is None or not isinstance(claim, Claim):
             continue
         limit, period, mass = axis.effort_limit, rig.axis_period_s(axis_name), axis.inertia.lower
-        ramp = ramp_params(period, mass, axis.effort_rate_limit)
-        held = ramp_bound(ramp, claim.reserve, 0.0)
+        held = ramp_bound(ramp_params(period, mass, claim.rate), claim.reserve, 0.0)
         if held < limit:
             enough = limit * limit / (period * limit + 2.0 * math.sqrt(2.0 * mass * claim.reserve))
-            found.append((held / limit, axis_name, held, enough))
+            enough *= axis.effort_rate_limit / claim.rate  # a carried load has its share
+            found.append((held / limit, axis_name, held, limit / claim.rate, enough))
     if not found:
         return
-    share, axis_name, held, enough = min(found)
-    axis = rig.axes[axis_name]
-    fall = 1e3 * axis.effort_limit / (axis.effort_rate_limit or math.inf)
-    unit = "N m" if axis.kind == "rotary" else "N"
+    share, axis_name, held, fall, enough = min(found)
+    unit = "N m" if rig.axes[axis_name].kind == "rotary" else "N"
     others, more = len(found) - 1, ""
     if others:
         which = "one more axis holds" if others == 1 else f"{others} more axes hold"
         more = f"; {which} less than the limit as well"
     yield (
         f"hint on {axis_name}",
-        f"its effort takes {short(fall)} ms to fall from effort_limit to zero, and its port holds "
-        f"no more than its tank can pay for in that time: at rest at most {held:.2g} {unit}, "
-        f"{share:.0%} of effort_limit; with effort_rate_limit {ceiled(enough)} it holds all of it"
-        f"{more}",
+        f"its effort takes {short(1e3 * fall)} ms to fall from effort_limit to zero, and its port "
+        "holds no more than its tank can pay for in that time: at rest a full tank holds about "
+        f"{held:.2g} {unit}, {share:.0%} of effort_limit; with effort_rate_limit "
+        f"{ceiled(enough)} it holds all of it{more}",
     )
 
 
 def ceiled(value: float) -> str:
     """Return a number rounded up to two digits."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return f"{math.ceil(value / step) * step:.2g}"
+    return f"{float(f'{math.ceil(value / step) * step:.2g}'):g}"
 
 
 def describe_pair(

@@ -10,8 +10,7 @@ from tautwave.controller.steps import OWN_GUARDS
 from tautwave.couplings.wave.records import WaveEnd, WaveEndParams
 from tautwave.laws.limit import clamp
 from tautwave.laws.observer import observe
-from tautwave.laws.port import port_brake, port_close, port_coast, port_effort, port_repeat
-from tautwave.laws.ramp import ramped_effort
+from tautwave.laws.port import port_bounded, port_brake, port_close, port_effort, port_repeat
 from tautwave.laws.servo.admittance import admittance_velocity
 from tautwave.laws.wave_filter import filter_gain
 
@@ -315,12 +314,7 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
         # port that absorbs is not paid less than it has to send.
         effort += clamp(e.wanted - s.port_effort, k.step)
     e.wanted = effort
-    ramp = k.port.ramp
-    if effort > ramp.half_step or effort < -ramp.half_step:
-        # What this takes is what a limit takes: the wave then carries no more than came in.
-        velocity = port_coast(k.port, e.velocity, e.push, pending)
-        effort = ramped_effort(ramp, e.account, velocity, effort)
-    return effort
+    return port_bounded(k.port, e.account, e.velocity, e.push, pending, effort)
 
 
 def move(
