@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -75,20 +76,36 @@ def test_writes_are_kept_out_of_the_eeprom() -> None:
     assert dsy.number(1, "eeprom") == 0
 
 
-def profile_without_switch(tmp_path: Any) -> str:
+def changed_profile(tmp_path: Any, change: Callable[[dict[str, Any]], None]) -> str:
     import yaml
 
     from tests.drivers.modbus.test_profile import generic
 
     data = generic()
-    del data["eeprom_off"]
-    path = tmp_path / "wearing.yaml"
+    change(data)
+    path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
     return str(path)
 
 
+def without_switch(data: dict[str, Any]) -> None:
+    del data["eeprom_off"]
+
+
+def taciturn(data: dict[str, Any]) -> None:
+    del data["roles"]["rated_torque"], data["roles"]["counts"]
+
+
+def test_a_drive_that_tells_no_rating_is_taken_as_the_rig_states_it(tmp_path: Any) -> None:
+    mine = device(1, rated_torque=2.0) | {"profile": changed_profile(tmp_path, taciturn)}
+    made = bench(spec(1, effort=0.5), devices=[mine])
+    made.driver.open()
+    assert made.number(1, "torque_limit") == 250  # of 2 N m
+
+
 def test_lasting_writes_need_configure(tmp_path: Any) -> None:
-    mine = device(1, counts_per_revolution=65536) | {"profile": profile_without_switch(tmp_path)}
+    profile = changed_profile(tmp_path, without_switch)
+    mine = device(1, counts_per_revolution=65536) | {"profile": profile}
     reported = refusal(bench(devices=[mine]))
     assert "lasting settings differ:\n  mode 0 -> 2" in reported
     assert "--configure, once, writes" in reported
