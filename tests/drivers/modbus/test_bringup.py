@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from tautwave.errors import BusBudgetError, BusTimeout, DeviceFault, DriverError
+from tautwave_sim.modbus.faults import FaultPlan
+from tautwave_sim.modbus.options import ModbusFaults
 from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, device, spec
 
 
@@ -117,6 +119,56 @@ def test_lasting_writes_need_configure(tmp_path: Any) -> None:
     # What is right already needs no permission.
     registers = {"mode": 2, "torque_limit": 1000, "comm_timeout": 100}
     bench(devices=[mine], **quirks(registers=registers)).driver.open()
+
+
+def test_a_lasting_timeout_alone_needs_configure_as_well(tmp_path: Any) -> None:
+    mine = device(1) | {"profile": changed_profile(tmp_path, without_switch)}
+    made = bench(devices=[mine], **quirks(registers={"mode": 2, "torque_limit": 1000}))
+    assert "lasting settings differ:\n  comm_timeout 0 -> 100 (comm-loss" in refusal(made)
+    assert made.number(1, "comm_timeout") == 0
+
+
+def without_reset(data: dict[str, Any]) -> None:
+    del data["fault_reset"]
+
+
+def test_a_fault_that_no_sequence_resets_is_left_to_the_drive(tmp_path: Any) -> None:
+    mine = device(1) | {"profile": changed_profile(tmp_path, without_reset)}
+    made = bench(devices=[mine], **quirks(starts_in_fault=True))
+    assert refusal(made).endswith(
+        "is in fault: overloaded for too long (code 0x6); clear the fault at the drive"
+    )
+
+
+def test_a_register_that_a_drive_does_not_let_us_use_is_named_with_its_exception() -> None:
+    made = bench(spec(1, effort=0.5))
+    bank = made.world.bus.drives[1].bank
+    limit = bank.registers["torque_limit"]
+    bank.registers["torque_limit"] = limit._replace(high=400)
+    reported = refusal(made)
+    assert "torque_limit does not take 500: value or count not accepted (exception 03)" in reported
+    made = bench()
+    made.world.bus.drives[1].bank._at.pop(limit.address)
+    reported = refusal(made)
+    assert "torque_limit cannot be read: " in reported
+
+
+def test_a_drive_that_falls_silent_while_it_comes_on_is_reported() -> None:
+    made = bench(**quirks(enable_s=0.5))
+    made.driver.open()
+    for _ in range(10):
+        assert not made.driver.enable_step()
+        made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+    made.world.bus.plan = FaultPlan(ModbusFaults(request_lost=1.0))
+
+    def enable() -> None:
+        for _ in range(20_000):
+            made.driver.enable_step()
+            made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+
+    with pytest.raises(BusTimeout, match=r"slave\.a1 \(unit 1\): stopped answering while it was"):
+        enable()
+    made.driver.close()
 
 
 def test_the_comm_loss_timeout_is_tried_then_armed_and_stops_the_drive() -> None:
