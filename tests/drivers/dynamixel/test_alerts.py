@@ -6,6 +6,7 @@ import pytest
 
 from tautwave.errors import DriverError
 from tautwave.types import Fault
+from tautwave_drivers.dynamixel.protocol.messages import hardware_text, status_text
 from tests.drivers.dynamixel.parts import Bench, bench, spec
 
 HARDWARE_ERROR = 70
@@ -45,3 +46,15 @@ def test_torque_that_may_still_be_on_is_said_on_leaving(monkeypatch: pytest.Monk
     assert made.driver.notes[-1] == (
         "bus hand: torque was not switched off: /dev/ttyUSB0: the adapter was disconnected"
     )
+
+
+def test_errors_in_words_are_those_of_the_e_manual_or_numbers() -> None:
+    """E-manual: Hardware Error Status (70); in protocol 2.0 bit 7 of an error is the alert."""
+    assert hardware_text(0) == "no hardware error"
+    assert hardware_text(0x24) == "overheated and overloaded for too long"
+    assert hardware_text(0x80) == "hardware error bit 7"
+    assert hardware_text(0x20, shutdown=0x34).endswith("its torque is off until it is rebooted")
+    assert "its torque stays on (Shutdown(63) does not" in hardware_text(0x01, shutdown=0x34)
+    assert status_text(0) == status_text(0x80) == "no error"
+    assert status_text(0x84) == status_text(4) != status_text(5)
+    assert status_text(0x7F) == "error number 127"
