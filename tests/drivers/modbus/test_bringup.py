@@ -153,6 +153,33 @@ def test_a_register_that_a_drive_does_not_let_us_use_is_named_with_its_exception
     assert "torque_limit cannot be read: " in reported
 
 
+@pytest.mark.parametrize(
+    ("profile", "register", "value", "said"),
+    [
+        ("generic", "control", "1", r"enable, step \d \(control\): "),
+        ("cia402", "controlword", "0x6", "controlword = 0x6: "),
+    ],
+)
+def test_a_command_that_a_drive_does_not_take_is_named(
+    profile: str, register: str, value: str, said: str
+) -> None:
+    made = bench(profile=profile)
+    bank = made.world.bus.drives[1].bank
+    bank.registers[register] = bank.registers[register]._replace(high=int(value, 16) - 1)
+    with pytest.raises(DeviceFault, match=rf"slave\.a1 \(unit 1\): {said}value or count not acc"):
+        made.enable()
+    made.driver.close()
+
+
+def test_a_status_that_a_cia_402_drive_does_not_show_is_named() -> None:
+    made = bench(profile="cia402")
+    bank = made.world.bus.drives[1].bank
+    bank._at.pop(bank.registers["statusword"].address)
+    with pytest.raises(DeviceFault, match=r"slave\.a1 \(unit 1\): statusword: .*exception 02"):
+        made.enable()
+    made.driver.close()
+
+
 def test_a_drive_that_falls_silent_while_it_comes_on_is_reported() -> None:
     made = bench(**quirks(enable_s=0.5))
     made.driver.open()

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import queue
 import socket
-import threading
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from tautwave.contracts import AxisSpec, BusSpec
-from tautwave_sim.modbus import simulator
 from tautwave_sim.modbus.wire.framing import tcp_frame
-from tautwave_sim.modbus.wire.serving import serve_bus
 from tests.sim.modbus.masters import read, read_write, words, write_many, write_one
-from tests.sim.truths import PERIOD, truth
+from tests.sim.modbus.served import beside
 
 pytest.importorskip("pymodbus.server")
 
@@ -40,34 +35,12 @@ class Master:
 
 @contextlib.contextmanager
 def served(**simulated: Any) -> Iterator[Master]:
-    """Two drives behind the server in a thread of this process, and a master."""
-    block = {
-        "link": "tcp",
-        "endpoint": "sim",
-        "devices": [{"unit": 1}, {"unit": 2, "profile": "dsy-rs"}],
-        "simulator": {"server": "pymodbus", **simulated},
-    }
-    axes = tuple(AxisSpec(f"slave.{n}", n, "rotary", "impedance", 10.0) for n in (1, 2))
-    announced: queue.Queue[Any] = queue.Queue()
-    ends = threading.Event()
-    thread = threading.Thread(
-        target=serve_bus,
-        args=(
-            simulator.options.model_validate(block),
-            BusSpec("modbus", axes, 1.0 / PERIOD),
-            [truth(), truth()],
-            announced.put,
-            ends.is_set,
-        ),
-    )
-    thread.start()
-    try:
-        master = Master(int(announced.get(timeout=60.0)["endpoint"].rpartition(":")[2]))
+    """Two drives behind the server, and a master."""
+    devices = {"unit": 1}, {"unit": 2, "profile": "dsy-rs"}
+    with beside(*devices, server="pymodbus", **simulated) as port:
+        master = Master(port)
         with master.sock:
             yield master
-    finally:
-        ends.set()
-        thread.join(60.0)
 
 
 def test_blocks_are_read_to_their_last_word_and_no_further() -> None:
