@@ -180,6 +180,17 @@ def test_a_drive_with_a_fault_is_kept_off() -> None:
     made.driver.close()
 
 
+def test_a_state_machine_writes_mode_and_controlword_once() -> None:
+    made = bench(profile="cia402")
+    made.enable()
+    machine = made.driver.stations[0].machine
+    assert machine is not None
+    assert machine.writes() == []
+    made.run(5, 0.2)
+    assert machine.writes() == []
+    made.driver.close()
+
+
 def test_a_drive_that_was_switched_off_and_on_is_reported() -> None:
     gone = {"kind": "power_cycle", "unit": 1, "at_s": 0.02}
     made = bench(simulator={"faults": {"events": [gone]}})
