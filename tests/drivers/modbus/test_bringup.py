@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 from tautwave.errors import BusBudgetError, BusTimeout, DeviceFault, DriverError
-from tautwave_sim.modbus.faults import FaultPlan
+from tautwave_sim.modbus.faults import UNDISTURBED, FaultPlan
 from tautwave_sim.modbus.options import ModbusFaults
 from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, device, spec
+
+CYCLIC_READ = bytes.fromhex("03 0002 0004")  # status, fault and position
 
 
 def quirks(**keys: Any) -> dict[str, Any]:
@@ -306,6 +308,25 @@ def test_tcp_drives_too_slow_for_the_rate_are_measured_before_anything_moves() -
     with pytest.raises(BusBudgetError, match=r"takes 20 ms \(measured\).*divisor: 3 on this bus"):
         made.driver.open()
     assert not made.world.bus.drives[1].on
+
+
+@pytest.mark.parametrize("lost", [4, 5])
+def test_a_trial_of_the_cyclic_request_may_be_lost_but_not_all(lost: int) -> None:
+    made = bench()
+    bus, left = made.world.bus, [lost]
+    handle = bus.handle
+
+    def lossy(unit: int, pdu: bytes, now_ns: int) -> Any:
+        if pdu != CYCLIC_READ or left[0] == 0:
+            return handle(unit, pdu, now_ns)
+        left[0] -= 1
+        return None, UNDISTURBED._replace(lost=True)
+
+    bus.handle = lossy
+    if lost == 5:
+        assert "no response to the cyclic request, although each drive" in refusal(made)
+    else:
+        made.driver.open()
 
 
 def test_a_busy_drive_is_asked_again() -> None:
