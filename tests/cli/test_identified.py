@@ -1,4 +1,4 @@
-"""What `identify` prints of a fit: each number with its interval, in the units of its axis."""
+"""What `identify` prints of a fit, in the units of its axis, and leaves behind."""
 
 from __future__ import annotations
 
@@ -9,8 +9,12 @@ from typing import Any
 import pytest
 
 from tautwave.cli.terminal.identified import device_sections, lever_sections
+from tautwave.cli.terminal.moving import moved
+from tautwave.config import load_rig
+from tautwave.errors import ConfigError
 
 UNITS = {"rad": ("N m", "kg m^2", "N m s/rad"), "m": ("N", "kg", "N s/m")}
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 PICTURE = Path("found/identification.png")
 
 
@@ -72,3 +76,26 @@ def test_a_device_that_was_shaken(place: str) -> None:
     assert_fit(rows_of(sections), place)
     assert sections[0].title == f"slave.wrist: shaken for 8 s, up to 3.2 {place}/s"
     assert sections[2].title == "For slave.axes.wrist in the rig file"
+
+
+@pytest.mark.parametrize("writes", [False, True])
+def test_a_rig_that_is_refused_leaves_no_directory_unless_something_is_in_it(
+    tmp_path: Path, writes: bool
+) -> None:
+    out = tmp_path / "found"
+    options = {
+        "clock": "fake", "simulate": (), "attach": False, "as_json": True, "out": out,
+        "duration": 1.0, "allow_uncertified": False,
+    }  # fmt: skip
+
+    def move() -> None:
+        with moved(load_rig(BENCH), options, "identify") as (where, given):
+            assert where == given["out"] == out
+            assert out.is_dir()
+            if writes:
+                (out / "recording.mcap").touch()
+            raise ConfigError("refused")
+
+    with pytest.raises(ConfigError, match="refused"):
+        move()
+    assert out.exists() == writes
