@@ -119,3 +119,12 @@ def test_an_effort_is_mapped_where_the_arm_will_be_while_it_acts(
     expected = jacobian.T @ [0.4, -0.3, 0.0, 0.0, 0.0, 0.0]
     sent = [command.effort for command in joints.written[-1]]
     assert sent == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_joint_s_last_sample_again_is_no_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver, joints = made(monkeypatch, PLANAR, "hand")
+    joints.positions = (0.6, 1.2)
+    assert all(state.valid for state in driver.read(0))
+    first, second = joints.read(0)
+    monkeypatch.setattr(joints, "read", lambda _: [first, second._replace(valid=False)])
+    assert not any(state.valid for state in driver.read(1_000_000))

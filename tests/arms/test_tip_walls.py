@@ -7,6 +7,7 @@ import random
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from tautwave_drivers.arm.parts import Effort, TipWall
 from tautwave_drivers.arm.walls import ArmWall
@@ -14,6 +15,8 @@ from tautwave_drivers.arm.walls import ArmWall
 MASS, PERIOD = 0.1, 1e-3
 SLIDES = [1.0 if i == j else 0.0 for j in range(3) for i in range(6)]
 """Derivatives of a tip that three sliding joints move along x, y and z."""
+PATH = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+ROD: dict[str, Any] = {"shape": "cylinder", "radius": 0.2, "axis": (0.0, 0.0, 1.0)}
 
 
 def bounce(
@@ -174,3 +177,25 @@ def test_every_shape_pushes_out_where_its_keys_put_it(keys: dict[str, Any], dept
     assert tip.push([0.25, 0.0, 0.0], SLIDES, [0.0] * 3) == pytest.approx([0.0] * 3)
     moved = [-0.07, 0.0, 0.0]
     assert tip.push([0.18, 0.0, 0.0], SLIDES, moved) == pytest.approx([1e3 * depth, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"shape": "path", "points": PATH, "friction": 0.2}, "a path has neither friction nor"),
+        ({"shape": "path", "points": PATH, "guard": True}, "a path has neither friction nor"),
+        ({"shape": "box", "size": (1.0, 1.0, 1.0), "hollow": True}, "only a sphere or an endless"),
+        ({**ROD, "length": 0.4, "hollow": True}, "only a sphere or an endless cylinder is hollow"),
+        ({"shape": "plane", "normal": (0.0, 0.0, 0.0)}, "a direction of length 0"),
+        ({**ROD, "axis": (0.0, 0.0, 0.0)}, "a direction of length 0"),
+        ({"shape": "convex", "planes": ((0.0, 0.0, 0.0, 1.0),)}, "a direction of length 0"),
+    ],
+)
+def test_a_body_that_is_none_is_refused(keys: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        ArmWall(stiffness=1000.0, force_limit=1.0, **keys)
+
+
+def test_a_sphere_and_an_endless_cylinder_may_be_hollow() -> None:
+    for keys in ({"shape": "sphere", "radius": 0.2}, ROD):
+        assert ArmWall(stiffness=1000.0, force_limit=1.0, hollow=True, **keys).hollow

@@ -35,6 +35,16 @@ def test_an_arm_is_certified_with_what_its_joints_have() -> None:
     assert found["joint elbow of arm"].numbers["needed_damping"] > 0.0
 
 
+def test_a_weight_that_is_carried_asks_more_of_every_joint() -> None:
+    """What is taken off it depends on where the arm is, and is late like everything else."""
+    free, carrying = (
+        elements(PLANAR, f"buses.hand.options.carry={carry}") for carry in ("false", "true")
+    )
+    for joint in ("joint shoulder of hand", "joint elbow of hand"):
+        needed = [found[joint].numbers["needed_damping"] for found in (free, carrying)]
+        assert needed[1] > 1.02 * needed[0], joint
+
+
 @pytest.mark.parametrize("q", [(0.6, 1.2), (-0.3, 0.9), (2.0, -2.2)])
 def test_slopes_of_joint_efforts_are_second_derivatives(q: tuple[float, float]) -> None:
     """Of a tip at l1 (cos a, sin a) + l2 (cos (a + b), sin (a + b)), whatever the force's signs."""

@@ -239,3 +239,17 @@ def test_the_record_tables_hold_what_was_given() -> None:
     cache = plant_cache(contact.WALL.plant, 1e-3)
     table = contact.records(PlantCache, cache)
     assert _nested(PlantCache, table[0].item()) == cache
+
+
+@pytest.mark.slow
+def test_scipy_begins_anew_at_each_edge_of_a_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    integrate = pytest.importorskip("scipy.integrate")
+    solve, begun = integrate.solve_ivp, []
+
+    def solve_and_tell(motion: Any, *given: Any, **keys: Any) -> Any:
+        begun.append(motion.__name__)
+        return solve(motion, *given, **keys)
+
+    monkeypatch.setattr(integrate, "solve_ivp", solve_and_tell)
+    assert next(peers.scipy_contact(contact.WALL, (1e-3,), 1)).error < 0.1
+    assert begun[:6] == ["free", "pressed", "free"] * 2

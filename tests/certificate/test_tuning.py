@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tautwave.analysis.ports.sampled_loop import Device, close_loop, position_end
 from tautwave.certificate.tuning.two_port import Tuning, tuning
-from tautwave.config import Rig
+from tautwave.config import Rig, load_rig
 from tautwave.rig import command_delays
 from tests.analysis.ends import site_of
 from tests.certificate.rigs import certified, element
 from tests.rigs.running import rig_of, tree
 
 T = 1e-3
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def rig(law: str, pair: dict[str, object], slots: int = 0, damping: float = 0.0) -> Rig:
@@ -164,3 +166,22 @@ def test_the_certificate_says_by_what_a_law_holds() -> None:
     assert ours.numbers["seen_j"] < ours.numbers["true_j"] < math.inf
     assert "bare: not passive" in element(kept, "law of lever").sentences[0]
     assert kept.verdicts["passive"].passed
+
+
+@pytest.mark.parametrize("law", ["position_force", "pd_damping"])
+def test_a_spring_that_is_chosen_suits_the_lighter_side(law: str) -> None:
+    def gains(master: float, slave: float) -> dict[str, float]:
+        masses = (
+            f"{side}.axes.lever.inertia={{value: {value}, lower: {value}, source: scales}}"
+            for side, value in (("master", master), ("slave", slave))
+        )
+        rig = load_rig(
+            CONFIGS / "bench-1dof-loopback.yaml",
+            [f"coupling={{law: {law}, pairs: {{lever: {{}}}}}}", *masses],
+        )
+        pair = rig.coupling.pairs["lever"].model_dump()
+        return {key: pair[key] for key in ("stiffness", "damping")}
+
+    light = gains(1e-3, 1e-3)
+    assert gains(1e-3, 4e-3) == gains(4e-3, 1e-3) == light
+    assert gains(4e-3, 4e-3)["stiffness"] == pytest.approx(4.0 * light["stiffness"], rel=1e-3)

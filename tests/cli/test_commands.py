@@ -6,6 +6,7 @@ import errno
 import json
 import re
 from collections.abc import Callable, Iterator
+from datetime import datetime, tzinfo
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from click.testing import Result
 
 from tautwave import errors
 from tautwave.cli import main
+from tautwave.cli import run as run_command
 from tautwave.cli.run import fresh_directory
 from tests.cli.conftest import Backend
 
@@ -286,6 +288,19 @@ def test_a_long_name_gives_a_directory_that_a_disk_takes(
     made = fresh_directory(None, letter * 300)
     assert made.is_dir()
     assert made.name.startswith(letter * 70)
+
+
+def test_runs_of_one_second_get_directories_of_their_own(
+    monkeypatch: pytest.MonkeyPatch, tautwave_cli: Cli, backend: Backend
+) -> None:
+    class Stopped(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Stopped:
+            return cls(2026, 5, 4, 3, 2, 1, tzinfo=tz)
+
+    monkeypatch.setattr(run_command, "datetime", Stopped)
+    made = [fresh_directory(None, "bench / 1dof").name for _ in range(3)]
+    assert made == [f"bench-1dof-20260504-030201{more}" for more in ("", "-2", "-3")]
 
 
 def test_check_prints_facts_plan_time_and_certificate(tautwave_cli: Cli, backend: Backend) -> None:

@@ -23,6 +23,7 @@ import pytest
 
 from tautwave.cli.rigs.talking import Screen
 from tautwave.cli.terminal import progress_bar
+from tautwave.cli.terminal.live import room
 from tautwave.cli.terminal.progress import Progress
 from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
 from tautwave.cli.terminal.summary import left_out_rows
@@ -247,3 +248,19 @@ def test_what_is_left_out_is_read_in_every_form_that_summaries_had() -> None:
     forms = [["wall", "the rig has none"], {"element": "wall", "reason": "the rig has none"}]
     rows = list(left_out_rows([*forms, "wall: the rig has none"]))
     assert rows == 3 * [("wall", "the rig has none")]
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "found"),
+    [(40, 120, (120, 39)), (2, 1, (1, 1)), (1, 120, (80, 1_000)), (40, 0, (80, 1_000))],
+)
+def test_a_terminal_that_does_not_tell_its_size_has_room_for_everything(
+    rows: int, columns: int, found: tuple[int, int]
+) -> None:
+    ours, theirs = os.openpty()
+    try:
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+        assert room(theirs) == found
+    finally:
+        os.close(ours)
+        os.close(theirs)

@@ -131,9 +131,15 @@ def test_hardware_has_a_table_too(simulated: tuple[Rig, Path]) -> None:
     rig, directory = simulated
     run = load_run(directory)
     bare = rig.model_copy(update={"simulation": None})
-    run.summary = {**run.summary, "precision": precision_of(run, bare)}
+    found = precision_of(run, bare)
+    found["pairs"]["lever"]["slave"]["replayed"] = 0.0123456
+    run.summary = {**run.summary, "precision": found}
     (table,) = precision_table.precision_tables(run)
     assert [row[0] for row in table.rows] == ["master.lever", "slave.lever"]
+    assert [row[2] for row in table.rows] == [
+        f"{value}\N{NARROW NO-BREAK SPACE}{unit}"
+        for value, unit in (("0", "N m"), ("12.3", "mN m"))
+    ]
     assert any(
         "run again on the recorded positions" in s for s in precision_table.precision_sentences(run)
     )

@@ -150,6 +150,15 @@ def test_a_network_that_only_delays_is_a_line_of_a_slot_more() -> None:
         assert over_link[column] == pytest.approx(over_line[column], rel=1e-6, abs=1e-9)
 
 
+def test_a_network_is_drawn_from_its_seed_from_the_first_packet_on() -> None:
+    first, again, other = (
+        run_rig(data("position", None, {**BAD, "seed": seed}))["slave.a.link_silence"]
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert np.ptp(first - other) > 0.0
+
+
 def test_a_far_side_that_is_silent_stands_and_one_that_stays_away_stops_the_run() -> None:
     silent = {"delay_s": 0.001, "silence_s": 0.02, "outage_at_s": 0.1, "outage_s": 1.0}
     held = run_rig(data("position", None, {**silent, "lost_s": 0.5, "depth_s": 0.0}))

@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave.cli import main
+from tautwave.cli.rigs import view
 from tautwave.cli.terminal.live import Health, live_lines, news_lines, watch_health
 from tautwave.errors import RecordingError, SafetyStop
 from tautwave.runtime import ring as words
@@ -129,6 +130,23 @@ def test_a_viewer_sees_rows_of_a_run_and_nothing_is_left_of_it(tmp_path: Path) -
     done = CliRunner().invoke(main, ["view", str(tmp_path)])
     assert done.exit_code != 0
     assert "no run in progress here" in done.output
+
+
+def test_a_viewer_waits_for_the_first_row_only_for_a_while(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = recorder(tmp_path)
+    run.start()
+    monkeypatch.setattr(view, "PATIENCE_NS", -1)
+    done = CliRunner().invoke(main, ["view", str(tmp_path), "--once"])
+    assert done.exit_code == 2
+    assert done.stderr == f"{tmp_path}: no rows arrive; is the run still opening its buses?\n"
+    run.row[0] = 0.5
+    run.commit()
+    done = CliRunner().invoke(main, ["view", str(tmp_path), "--once"])
+    assert done.exit_code == 0
+    assert "loop  0.5 s, 100 Hz" in done.stdout
+    run.close()
 
 
 def test_another_process_descriptor_is_no_ring(tmp_path: Path) -> None:

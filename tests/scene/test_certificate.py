@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,16 @@ def test_the_grid_agrees_with_the_proof(monkeypatch):
     found = needed(scene, 0.0)
     assert not found.proved
     assert found.damping == pytest.approx(exact.damping, rel=5e-3)
+
+
+def test_what_rings_for_ever_needs_more_than_any_device_has_and_says_at_which_frequency(
+    monkeypatch,
+):
+    monkeypatch.setattr("tautwave.certificate.scene.maps.EXACT_ORDER", 0)
+    free = RESONATOR._replace(masses=(Mass("object", 0.004),))
+    found = needed(linear_scene(free, "exact", 1e-4, "hand"), 0.0)
+    hertz = math.sqrt((14_200.0 + 3_000.0) / 0.004) / (2.0 * math.pi)
+    assert found == (math.inf, pytest.approx(hertz), False)
 
 
 def test_a_damper_at_the_port_is_probed_with_its_rate():

@@ -91,6 +91,9 @@ def test_few_contacts_are_closed_in_every_way_and_many_by_kind_and_by_mass():
 
     few = [link(f"a{i}", "p", "m") for i in range(3)]
     assert len(together(few, lambda one: one.name)) == 7
+    more = [link(f"a{i}", "p", f"m{i}") for i in range(5)]
+    assert len(together(more[:4], lambda one: one.name)) == 15
+    assert [len(group) for group in together(more, lambda one: one.name)] == [1] * 5 + [5]
     grains = [link(f"{of}{i}", of, f"g{i}") for of in ("bar", "floor") for i in range(10)]
     groups = together(grains, lambda one: one.a)
     assert [len(group) for group in groups] == [1, 1, 2, 10, 10, 20]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ import pytest
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave.rig.scene.network import pruned_network
+from tautwave.scene.ledger import Ledger
 from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
+from tautwave.scene.network import Link, Mass, Network, String
 from tautwave.scene.schemes.stepping import pull_links
 from tautwave.simulation.scene import playing
 from tautwave.simulation.scene import steps as network_steps
-from tautwave.simulation.scene.playing import Played, flows_of, lines_of, play
+from tautwave.simulation.scene.playing import Played, _with_string, flows_of, lines_of, play
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STEPS = 240
@@ -135,3 +137,16 @@ def test_a_symplectic_model_starts_with_its_links_pulled() -> None:
     before = list(model.arrays.tension)
     pull_links(model.arrays)
     assert model.arrays.tension == before
+
+
+def test_each_string_of_several_has_the_energy_of_its_own_waves():
+    """0.5 T (what arrives squared), on either half; the other strings' are no business of it."""
+    strings = tuple(String(name, 1.0, near, near + 3) for name, near in (("g", 2), ("d", 4)))
+    network = Network((), tuple(Link(s.name, "spring", "p", s.name, 1.0) for s in strings), ("p",))
+    lines = lines_of(network._replace(strings=strings))
+    lines.arriving[:] = (1.0, 2.0, 3.0, 4.0)
+    lines.out[lines.first[3]] = 5.0
+    still = SimpleNamespace(dragged=[0.0] * 3, pumped=[0.0] * 3)
+    nothing = Ledger(*[0.0] * len(Ledger._fields))
+    stored = [_with_string(nothing, still, lines, at, 1e-3).stored for at in range(2)]
+    assert stored == pytest.approx([0.5e-3 * (1.0 + 4.0), 0.5e-3 * (9.0 + 16.0 + 25.0)])

@@ -16,6 +16,8 @@ from tautwave.cli import main
 from tautwave.cli.run import _played
 from tautwave.cli.terminal import play as playing
 from tautwave.cli.terminal.play import play_sound
+from tautwave.report.scene import sound
+from tautwave.report.scene.sound import SOUND_HZ, write_sound
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RATTLE = CONFIGS / "sounds" / "rattle.wav"
@@ -98,6 +100,21 @@ def test_only_a_scene_can_be_played(tmp_path):
     assert done.exit_code == 2
     assert "--play: this rig has no scene, so there is no sound to play" in done.output
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(("signal", "peak"), [(np.sin(np.arange(400.0)), 0.9), (np.zeros(9), 0.0)])
+def test_a_run_s_sound_is_one_channel_of_16_bits_as_loud_as_it_may_be(
+    tmp_path, monkeypatch, signal, peak
+):
+    monkeypatch.setattr(sound, "output_signal", lambda view: 1e-6 * signal)
+    view = types.SimpleNamespace(rig=types.SimpleNamespace(rate_hz=float(SOUND_HZ)))
+    path = tmp_path / "output.wav"
+    write_sound(view, path)
+    with wave.open(str(path)) as file:
+        assert file.getparams()[:4] == (1, 2, 44_100, len(signal))
+        heard = np.frombuffer(file.readframes(len(signal)), "<i2")
+    assert np.abs(heard).max() == pytest.approx(32767 * peak, abs=2)
+    assert np.allclose(heard, 32767 * peak * signal / max(np.abs(signal).max(), 1e-9), atol=1.0)
 
 
 @pytest.mark.slow  # a report

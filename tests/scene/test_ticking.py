@@ -11,6 +11,7 @@ import pytest
 from tautwave.config import load_rig
 from tautwave.rig.scene.network import pruned_network
 from tautwave.scene.live import SceneModel
+from tautwave.scene.network import Link, Mass, Network
 from tests.scene.networks import everything
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -58,3 +59,19 @@ def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
         assert bits(one) == bits(two)
     assert fast.elements() == slow.elements()
     assert fast.resting_efforts() == slow.resting_efforts()
+
+
+def test_a_port_at_rest_feels_every_link_by_its_stretch():
+    """Springs from and to the port, one with a length of its own, one already set: k (x - rest)."""
+    links = (
+        Link("from", "spring", "p", "m", stiffness=100.0, rest=0.004),
+        Link("to", "spring", "wall", "p", stiffness=300.0),
+        Link("away", "contact", "p", "wall", stiffness=1e4, exponent=1.5),
+        Link("dry", "friction", "p", "m", limit=0.5),
+    )
+    grounds = (("ground", 0.0), ("wall", 0.05))
+    network = Network((Mass("m", 1.0, 0.012),), links, ("p",), grounds)
+    model = SceneModel(network, "discrete_gradient", 1e-3)
+    model.reset([0.02])
+    felt = 100.0 * (0.02 - 0.012 - 0.004) - 300.0 * 0.03 - 1e4 * 0.03**1.5
+    assert model.resting_efforts() == pytest.approx([felt])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tautwave.contracts import AxisSpec
 from tautwave.streams import BLOCK, NOISE, colour_taps, normal_noise
+from tautwave.truth import PositionLoop
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.bench import free_axis
 from tautwave_sim.loopback import LoopbackSimulator
@@ -212,3 +213,10 @@ def test_an_axis_of_a_bench_reads_where_it_is() -> None:
         sample = axis.measure()
         assert sample.valid
         assert sample.position == pytest.approx(place, rel=1e-12)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_drive_that_takes_positions_pulls_no_harder_than_its_limit(side: float) -> None:
+    axis = SimulatedAxis("master.a", truth(limit=3.0), PositionLoop(1e3, 0.1))
+    run(axis, [side])
+    assert axis.physics.v * 0.5 / PERIOD == pytest.approx(3.0 * side)

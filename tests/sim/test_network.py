@@ -162,6 +162,45 @@ def test_of_a_connection_that_ended_both_ways_nothing_stays_open() -> None:
         assert [sock.fileno() for sock in ours] == [-1, -1]
 
 
+def test_a_relay_announces_itself_and_at_its_end_what_it_lost() -> None:
+    with udp() as server, udp() as client:
+        to = "{}:{}".format(*server.getsockname())
+        reported: list[Any] = []
+        sent = iter(range(200))
+
+        def stopped() -> bool:
+            host, port = reported[0]["endpoint"].split(":")
+            if next(sent, None) is None:
+                return True
+            client.sendto(b"1", (host, int(port)))
+            return False
+
+        assert simulator.serve is not None
+        options = NetworkOptions(to=to, loss=0.4, seed=3)
+        simulator.serve(*bench(options), reported.append, stopped)
+    begin, end = reported
+    assert (begin["driver"], begin["to"]) == ("network", to)
+    assert end["sent"][1] == end["lost"][1] == 0  # nobody answered
+    assert 0.2 < end["lost"][0] / end["sent"][0] < 0.6
+    assert end["repeated"] == [0, 0]
+
+
+def test_a_connection_to_nobody_is_closed_and_the_next_one_may_find_somebody() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = server.getsockname()
+    with relayed(address) as relay:
+        with socket.create_connection(relay.address, timeout=60.0) as client:
+            assert client.recv(1) == b""
+        with (
+            socket.create_server(address) as server,
+            socket.create_connection(relay.address, timeout=60.0) as client,
+        ):
+            client.sendall(b"1")
+            connection, _ = server.accept()
+            with connection:
+                assert connection.recv(1) == b"1"
+
+
 def test_what_cannot_be_is_a_sentence() -> None:
     with pytest.raises(ConfigError, match=r"--to 'lab' is not HOST:PORT"):
         Relay(NetworkOptions(to="lab"))  # type: ignore[call-arg]

@@ -19,15 +19,19 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
+from tautwave.config import load_rig
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.runtime.operate.mailbox import Mailbox, send
 from tautwave.runtime.tap import Live
 from tautwave.view import viewers
+from tautwave.view.facts import facts_of
 from tautwave.view.guard import Door, open_door
 from tautwave.view.server import Server
 from tautwave.view.viewers import Viewer
 from tautwave.view.watched import Watched
-from tests.view.served import Run
+from tests.view.served import BENCH, Run
+
+BARE = "coupling={law: position, pairs: {lever: {stiffness: 1.0, damping: 0.01}}}"
 
 
 def test_commands_reach_the_run_as_lines_with_their_source() -> None:
@@ -159,3 +163,10 @@ def test_who_is_elsewhere_needs_tls_and_the_token_to_look(tmp_path: Path) -> Non
     assert urls[0].startswith("https://127.0.0.1:")
     with pytest.raises(ConfigError, match="unusable for TLS"):
         open_door("127.0.0.1", 0, tmp_path / "c.pem", tmp_path / "c.pem")
+
+
+def test_a_page_draws_the_walls_of_a_rig_and_none_of_others() -> None:
+    live = Live(0, 0, ["time_s"], 64, 1000.0, {"units": {"lever": "rad"}})
+    for more, walls in (((), [-0.32, -0.28]), ((BARE,), [None, None])):
+        [pair] = facts_of(live, load_rig(BENCH, more))["pairs"]
+        assert [pair["sides"][side]["wall"] for side in ("master", "slave")] == walls

@@ -17,7 +17,7 @@ from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.emergency import decode_emergency
 
 SYNC_ID = 0x80
-BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
+BOOT_UP, OPERATIONAL = 0, 5
 NODE_STATES = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
 DEAD_CYCLES, DEAD_BEATS = 5, 1.5
 """Cycles and heartbeats with a full queue and nothing received that mean a dead bus."""

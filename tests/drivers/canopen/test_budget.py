@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -106,6 +107,25 @@ def test_the_arithmetic_is_shown_and_adds_up() -> None:
     for remedy in ("mapping: lean", "two buses"):
         assert remedy in reported.remedy
         assert remedy not in reported.arithmetic  # `check` shows both
+
+
+def test_a_faster_bitrate_is_advised_with_the_rate_that_it_leaves() -> None:
+    options, bus = bench(2, "impedance", "full", bitrate=500_000)
+    reported = budget(options, bus)
+    found = re.search(r"bitrate 1000000 \((\d+) Hz\)", reported.remedy)
+    assert found, reported.remedy
+    assert int(found[1]) == pytest.approx(2.0 * reported.greatest_rate_hz, abs=1.0)
+    assert "bitrate" not in budget(*bench(2, "impedance", "full")).remedy
+
+
+def test_the_arithmetic_of_fd_frames_counts_both_rates() -> None:
+    options, bus = bench(2, "admittance", "full", data_bitrate=5_000_000)
+    text = budget(options, bus).arithmetic
+    found = re.search(r"8 bytes: (\d+) bits nominal \+ (\d+) bits fast = ([\d.]+) us", text)
+    assert found, text
+    nominal, fast, us = (float(one) for one in found.groups())
+    assert us == pytest.approx(nominal + fast / 5.0) == pytest.approx(56.6)
+    assert "CAN FD" not in budget(options, bus).remedy  # it is what one has
 
 
 def test_a_rate_that_60c2h_cannot_hold_is_reported_before_a_drive_refuses_it() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, Fault
 from tests.drivers.canopen.benches import Rig, block, make, node
 from tests.drivers.canopen.faulty import AT_S, CYCLES, ENABLED, TORQUE, leave, started, with_faults
@@ -264,3 +265,25 @@ def test_what_is_no_finite_command_is_zero(value: float, causality: str) -> None
     rig.cycle(value, value)
     assert rig.commands(0)[-1][1] == 0
     leave(rig)
+
+
+@pytest.mark.parametrize("calls", [0, 1, 2])
+def test_an_interface_that_fails_stops_every_axis_and_is_said_once(calls: int) -> None:
+    """Whether frames of the last cycle are taken in, or those of this one."""
+    rig = started(with_faults())
+    rig.run(20, TORQUE)
+    receive, left = rig.port.receive, [calls]
+
+    def fail() -> tuple[int, bytes, int] | None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise DriverError("can0 is down")
+        return receive()
+
+    rig.port.receive = fail  # type: ignore[method-assign]
+    reported, _ = until_fatal(rig)
+    assert reported == [Fault("", "can0 is down", fatal=True)]
+    rows, reported = rig.run(3, TORQUE)
+    assert not any(state.valid for row in rows for state in row)
+    assert not reported
+    rig.driver.close()

@@ -6,6 +6,7 @@ import errno
 import socket
 import struct
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -188,6 +189,18 @@ class FullBus:
         raise can.CanOperationError(self.words)
 
     recv = send
+
+
+def test_what_waits_in_python_can_is_discarded_where_that_can_be_done() -> None:
+    flushed = []
+
+    def refuse() -> None:
+        raise NotImplementedError
+
+    for flush in (lambda: flushed.append(True), refuse):
+        bus = SimpleNamespace(send=None, recv=None, flush_tx_buffer=flush)
+        PythonCanPort(bus, FakeClock(), "test").purge()
+    assert flushed == [True]
 
 
 def test_a_full_queue_of_python_can() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tautwave.clock import MonotonicClock
-from tautwave.errors import ConfigError, DeviceFault
+from tautwave.errors import ConfigError, DeviceFault, DriverError
 from tautwave_drivers.canopen import plugin
 from tautwave_drivers.canopen.bus.frames import RawPort
 from tautwave_drivers.canopen.measure import (
@@ -24,6 +24,7 @@ from tautwave_drivers.canopen.measure import (
     driver_cycle,
     measure,
 )
+from tautwave_sim.canopen.dictionary import Entry
 from tests.commands import PATIENT, assert_ran_to_its_end
 from tests.drivers.canopen.benches import block, make, node
 from tests.rigs.running import books, run_rig
@@ -107,6 +108,44 @@ def test_a_value_of_a_dcf_that_the_drive_refuses_is_named(tmp_path: Path) -> Non
     path.write_text(EDS.replace("0x6065", "0x6999").replace("[6065]", "[6999]"))
     rig = make(block(node(1, eds=str(path))), ("impedance",))
     with pytest.raises(DeviceFault, match=r"6999:00.*object does not exist"):
+        rig.driver.open()
+    rig.driver.close()
+
+
+@pytest.mark.parametrize(("index", "taken"), [("2000", True), ("1017", False)])
+def test_what_a_maker_adds_is_written_from_a_dcf_and_communication_is_not(
+    tmp_path: Path, index: str, taken: bool
+) -> None:
+    path = tmp_path / "test.dcf"
+    path.write_text(EDS.replace("=0x6065", f"=0x{index}").replace("[6065]", f"[{index}]"))
+    rig = make(block(node(1, eds=str(path))), ("impedance",))
+    objects = rig.devices()[0].objects
+    if taken:
+        objects.add(int(index, 16), 0, Entry("U32", "rw", 0))
+    rig.driver.open()
+    assert (objects.number(int(index, 16)) == 777) == taken
+    assert any(f"{int(taken)} parameter values of" in note for note in rig.driver.notes)
+    rig.driver.close()
+
+
+def test_a_value_of_a_dcf_that_the_drive_does_not_keep_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "test.dcf"
+    path.write_text(EDS)
+    rig = make(block(node(1, eds=str(path))), ("impedance",))
+    rig.devices()[0].objects.readers[0x6065, 0] = lambda: 5
+    kept = r"node 1\) reads 0x00000005 at 6065:00 after 0x00000309 from its DCF was written"
+    with pytest.raises(DeviceFault, match=kept):
+        rig.driver.open()
+    rig.driver.close()
+
+
+def test_an_eds_that_is_none_is_named_with_its_drive(tmp_path: Path) -> None:
+    path = tmp_path / "test.dcf"
+    path.write_text("name: bench\n")
+    rig = make(block(node(1, eds=str(path))), ("impedance",))
+    with pytest.raises(
+        DriverError, match=r"^master\.a1 \(node 1\): .*test\.dcf: not an EDS or DCF"
+    ):
         rig.driver.open()
     rig.driver.close()
 

@@ -198,3 +198,22 @@ def test_nanotec_unit_words() -> None:
     assert [is_length(word) for word in (0xFD010300, 0x00B44700)] == [True, False]
     assert unit_text(0xFDB44700) == "10**-3 rev/min"
     assert unit_text(0x00B50000) == "increments"
+
+
+@pytest.mark.parametrize(
+    ("word", "value", "text"),
+    [
+        (0x00B40300, math.tau, "rev/s"),
+        (0x00B44700, math.tau / 60.0, "rev/min"),
+        (0x00B44800, math.tau / 3600.0, "rev/h"),
+        (0xFD410300, 1e-3 * math.tau / 360.0, "10**-3 deg/s"),
+        (0xFD010300, 1e-3, "10**-3 m/s"),
+        (0x00C14700, 0.0254 / 60.0, "in/min"),
+        (0x00C24800, 0.3048 / 3600.0, "ft/h"),
+    ],
+)
+def test_units_of_velocity_are_lengths_or_angles_by_second_minute_and_hour(
+    word: int, value: float, text: str
+) -> None:
+    assert velocity_unit(word) == pytest.approx(value)
+    assert unit_text(word) == text

@@ -139,6 +139,20 @@ def test_abort_words() -> None:
     assert "not an abort code" in abort_text(0x0F00FFC0)
 
 
+def test_what_somebody_can_do_about_an_abort_is_said_with_it() -> None:
+    remedies = {
+        0x05040000: "powered", 0x06010002: "omit it from the rig", 0x06020000: "not have it",
+        0x06040041: "map another", 0x06040042: "map fewer", 0x06070010: "compare the type",
+        0x06070012: "compare the type", 0x06070013: "compare the type", 0x06090011: "fewer sub",
+        0x06090030: "manual lists", 0x06090031: "smaller", 0x06090032: "greater",
+        0x08000021: "out of local control", 0x08000022: "while the drive is disabled",
+    }  # fmt: skip
+    said = {code: abort_text(code).partition("; ")[2] for code in ABORT_CODES}
+    assert {code for code, remedy in said.items() if remedy} == set(remedies)
+    for code, words in remedies.items():
+        assert words in said[code], said[code]
+
+
 def test_reactions_in_words() -> None:
     assert "keeps following the last command" in reaction_text(0x6007, 0)
     assert "stays in QUICK STOP ACTIVE" in reaction_text(0x605A, 6)

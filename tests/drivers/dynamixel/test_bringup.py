@@ -13,6 +13,8 @@ from tautwave_drivers.dynamixel.plugin import plugin
 from tests.drivers.dynamixel.parts import Bench, bench, servo, spec
 
 EEPROM_END = 64
+CURRENT_LIMIT = 38
+RANGE_ERROR = 4
 
 
 def eeprom(made: Bench) -> list[bytes]:
@@ -191,6 +193,52 @@ def test_too_old_a_firmware_for_a_fast_read_is_reported() -> None:
     quirk = {"servos": {1: {"firmware": 40}}}
     made = bench(spec(1), simulator=quirk, read="fast_sync")
     with pytest.raises(DriverError, match="use read: sync"):
+        made.driver.open()
+
+
+def without_access(made: Bench, *names: str) -> None:
+    """Have a servo refuse to be written where a register's name begins so."""
+    memory = made.world.servos[0].memory
+    refuse = memory._refuse
+    memory._refuse = lambda item, value: (
+        RANGE_ERROR if item.name.startswith(names) else refuse(item, value)
+    )
+
+
+def unreadable(made: Bench, address: int) -> None:
+    memory = made.world.servos[0].memory
+    read = memory.read
+    memory.read = lambda at, length: None if at == address else read(at, length)
+
+
+def test_a_register_that_a_servo_does_not_let_us_use_is_named() -> None:
+    made = bench(spec(1))
+    without_access(made, "Bus Watchdog")
+    with pytest.raises(DriverError, match=r"servo 1\): bus watchdog\(98\) rejects \d+: \w+"):
+        made.driver.open()
+    made = bench(spec(1))
+    unreadable(made, CURRENT_LIMIT)
+    with pytest.raises(DriverError, match=r"servo 1\): current limit\(38\) cannot be read: \w+"):
+        made.driver.open()
+    made = bench(spec(1), status_block=True)
+    without_access(made, "Indirect Address")
+    with pytest.raises(DriverError, match=r"rejects the indirect .* omit status_block"):
+        made.driver.open()
+
+
+def test_a_register_that_another_program_sets_again_is_reported() -> None:
+    made = bench(spec(1))
+    memory = made.world.servos[0].memory
+    poke = memory.poke
+    memory.poke = lambda name, value: poke(name, 7 if name == "Bus Watchdog" else value)
+    with pytest.raises(DriverError, match=r"reads 7 after \d+ was written; is another program"):
+        made.driver.open()
+
+
+def test_a_servo_that_falls_silent_while_it_is_set_up_is_named() -> None:
+    lost = [{"kind": "lost", "nth": number} for number in range(4, 60)]
+    made = bench(spec(1), simulator={"faults": {"events": lost}})
+    with pytest.raises(DriverError, match=r"^master\.a1 \(bus hand, servo 1\): no response when"):
         made.driver.open()
 
 

@@ -7,12 +7,14 @@ Details": the packets of its tables, CRC included.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tautwave_drivers.dynamixel.exchange import Goals
+from tautwave.clock import FakeClock
+from tautwave_drivers.dynamixel.exchange import Exchange, Goals, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, FastPath
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.fast import FastStatus
@@ -182,12 +184,15 @@ def sync_answer(values: list[tuple[int, int, int]], errors: list[int]) -> bytes:
     )
 
 
-def fast_answer(values: list[tuple[int, int, int]], errors: list[int], count: int = 0) -> bytes:
+def fast_answer(
+    values: list[tuple[int, int, int]], errors: list[int], count: int = 0, ids: Sequence[int] = ()
+) -> bytes:
     reported = packet.HEADER + bytes(
         (0xFE, *((count or len(values)) * 14 + 1).to_bytes(2, "little"))
     )
     reported += bytes((packet.STATUS,))
-    for number, (one, error) in enumerate(zip(values, errors, strict=True), 1):
+    numbers = ids or range(1, len(values) + 1)
+    for number, one, error in zip(numbers, values, errors, strict=True):
         reported += bytes((error, number)) + struct.pack("<hii", *one)
         reported += packet.crc16(reported).to_bytes(2, "little")
     return reported
@@ -266,3 +271,42 @@ def test_fast_data_is_believed_only_with_its_checksum_or_the_last_one() -> None:
 def test_the_fast_checksum_is_the_slow_one(data: bytes, crc: int) -> None:
     fixed = packet.FixedCrc(len(data))
     assert fixed(data, fixed.start(crc)) == packet.crc16(data, crc)
+
+
+class Line:
+    """A line on which bytes appear."""
+
+    def __init__(self) -> None:
+        self.inbox = b""
+
+    def write(self, data: bytes) -> None:
+        """Let the request go nowhere."""
+
+    def read(self) -> bytes:
+        data, self.inbox = self.inbox, b""
+        return data
+
+    def readable(self) -> bool:
+        return bool(self.inbox)
+
+    def next_event_ns(self) -> None:
+        return None
+
+    def advance(self, to_ns: int) -> None:
+        """Nothing happens by itself."""
+
+
+@pytest.mark.parametrize("ids", [(1, 2), (2, 1), (1, 7), (1, 1)])
+def test_a_fast_answer_of_others_than_were_asked_in_this_order_is_nobodys(
+    ids: tuple[int, int],
+) -> None:
+    line, clock = Line(), FakeClock()
+    timing = Timing(1_000_000, 0.0, 0.0)
+    exchange = Exchange(line, clock, (1, 2), 126, FIELDS, timing, fast=True)  # type: ignore[arg-type]
+    exchange.send(b"", clock.now_ns())
+    values = [(1, 2, 3), (4, 5, 6)]
+    line.inbox = fast_answer(values, [0, 0], ids=ids)
+    missing = exchange.collect(clock.now_ns() + 5_000_000)
+    right = ids == (1, 2)
+    assert exchange.values == ([(0, *one) for one in values] if right else [None, None])
+    assert missing == (0 if right else 2)

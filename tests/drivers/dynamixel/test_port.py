@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import os
@@ -12,12 +13,14 @@ import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import serial  # type: ignore[import-untyped]
 
 from tautwave.clock import MonotonicClock
 from tautwave.errors import DriverError
+from tautwave_drivers import serial_port
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
 from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s, set_latency_timer
 from tautwave_drivers.dynamixel.plugin import plugin
@@ -133,6 +136,27 @@ def test_devices_that_are_none() -> None:
         SerialPort("/dev/ttyNONE", 57_600)
     with pytest.raises(DriverError, match="is not a serial device"):
         SerialPort("/dev/null", 57_600)
+
+
+@pytest.mark.parametrize(
+    ("code", "remedy"),
+    [
+        (errno.EACCES, "permission denied; add yourself to its group: sudo usermod -aG dialout"),
+        (errno.EBUSY, "another program has it open, or another bus of this rig"),
+        (errno.EIO, "cannot be opened: Input/output error"),
+    ],
+)
+def test_a_device_that_does_not_open_is_named_with_its_remedy(
+    code: int, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: str, flags: int) -> int:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(serial_port, "os", SimpleNamespace(**vars(os) | {"open": refuse}))
+    driver = driver_on("/dev/ttyUSB7")
+    with pytest.raises(DriverError) as reported:
+        driver.open()
+    assert str(reported.value).startswith(f"bus hand: /dev/ttyUSB7: {remedy}")
 
 
 def driver_on(path: str) -> DynamixelDriver:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from tautwave.errors import BusBudgetError, BusTimeout, DeviceFault, DriverError
+from tautwave_sim.modbus.faults import UNDISTURBED, FaultPlan
+from tautwave_sim.modbus.options import ModbusFaults
 from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, device, spec
+
+CYCLIC_READ = bytes.fromhex("03 0002 0004")  # status, fault and position
 
 
 def quirks(**keys: Any) -> dict[str, Any]:
@@ -75,20 +80,36 @@ def test_writes_are_kept_out_of_the_eeprom() -> None:
     assert dsy.number(1, "eeprom") == 0
 
 
-def profile_without_switch(tmp_path: Any) -> str:
+def changed_profile(tmp_path: Any, change: Callable[[dict[str, Any]], None]) -> str:
     import yaml
 
     from tests.drivers.modbus.test_profile import generic
 
     data = generic()
-    del data["eeprom_off"]
-    path = tmp_path / "wearing.yaml"
+    change(data)
+    path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
     return str(path)
 
 
+def without_switch(data: dict[str, Any]) -> None:
+    del data["eeprom_off"]
+
+
+def taciturn(data: dict[str, Any]) -> None:
+    del data["roles"]["rated_torque"], data["roles"]["counts"]
+
+
+def test_a_drive_that_tells_no_rating_is_taken_as_the_rig_states_it(tmp_path: Any) -> None:
+    mine = device(1, rated_torque=2.0) | {"profile": changed_profile(tmp_path, taciturn)}
+    made = bench(spec(1, effort=0.5), devices=[mine])
+    made.driver.open()
+    assert made.number(1, "torque_limit") == 250  # of 2 N m
+
+
 def test_lasting_writes_need_configure(tmp_path: Any) -> None:
-    mine = device(1, counts_per_revolution=65536) | {"profile": profile_without_switch(tmp_path)}
+    profile = changed_profile(tmp_path, without_switch)
+    mine = device(1, counts_per_revolution=65536) | {"profile": profile}
     reported = refusal(bench(devices=[mine]))
     assert "lasting settings differ:\n  mode 0 -> 2" in reported
     assert "--configure, once, writes" in reported
@@ -100,6 +121,83 @@ def test_lasting_writes_need_configure(tmp_path: Any) -> None:
     # What is right already needs no permission.
     registers = {"mode": 2, "torque_limit": 1000, "comm_timeout": 100}
     bench(devices=[mine], **quirks(registers=registers)).driver.open()
+
+
+def test_a_lasting_timeout_alone_needs_configure_as_well(tmp_path: Any) -> None:
+    mine = device(1) | {"profile": changed_profile(tmp_path, without_switch)}
+    made = bench(devices=[mine], **quirks(registers={"mode": 2, "torque_limit": 1000}))
+    assert "lasting settings differ:\n  comm_timeout 0 -> 100 (comm-loss" in refusal(made)
+    assert made.number(1, "comm_timeout") == 0
+
+
+def without_reset(data: dict[str, Any]) -> None:
+    del data["fault_reset"]
+
+
+def test_a_fault_that_no_sequence_resets_is_left_to_the_drive(tmp_path: Any) -> None:
+    mine = device(1) | {"profile": changed_profile(tmp_path, without_reset)}
+    made = bench(devices=[mine], **quirks(starts_in_fault=True))
+    assert refusal(made).endswith(
+        "is in fault: overloaded for too long (code 0x6); clear the fault at the drive"
+    )
+
+
+def test_a_register_that_a_drive_does_not_let_us_use_is_named_with_its_exception() -> None:
+    made = bench(spec(1, effort=0.5))
+    bank = made.world.bus.drives[1].bank
+    limit = bank.registers["torque_limit"]
+    bank.registers["torque_limit"] = limit._replace(high=400)
+    reported = refusal(made)
+    assert "torque_limit does not take 500: value or count not accepted (exception 03)" in reported
+    made = bench()
+    made.world.bus.drives[1].bank._at.pop(limit.address)
+    reported = refusal(made)
+    assert "torque_limit cannot be read: " in reported
+
+
+@pytest.mark.parametrize(
+    ("profile", "register", "value", "said"),
+    [
+        ("generic", "control", "1", r"enable, step \d \(control\): "),
+        ("cia402", "controlword", "0x6", "controlword = 0x6: "),
+    ],
+)
+def test_a_command_that_a_drive_does_not_take_is_named(
+    profile: str, register: str, value: str, said: str
+) -> None:
+    made = bench(profile=profile)
+    bank = made.world.bus.drives[1].bank
+    bank.registers[register] = bank.registers[register]._replace(high=int(value, 16) - 1)
+    with pytest.raises(DeviceFault, match=rf"slave\.a1 \(unit 1\): {said}value or count not acc"):
+        made.enable()
+    made.driver.close()
+
+
+def test_a_status_that_a_cia_402_drive_does_not_show_is_named() -> None:
+    made = bench(profile="cia402")
+    bank = made.world.bus.drives[1].bank
+    bank._at.pop(bank.registers["statusword"].address)
+    with pytest.raises(DeviceFault, match=r"slave\.a1 \(unit 1\): statusword: .*exception 02"):
+        made.enable()
+    made.driver.close()
+
+
+def test_a_drive_that_falls_silent_while_it_comes_on_is_reported() -> None:
+    made = bench(**quirks(enable_s=0.5))
+    made.driver.open()
+    for _ in range(10):
+        assert not made.driver.enable_step()
+        made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+    made.world.bus.plan = FaultPlan(ModbusFaults(request_lost=1.0))
+
+    def enable() -> None:
+        for _ in range(20_000):
+            made.driver.enable_step()
+            made.clock.sleep_until(made.clock.now_ns() + made.bus.period_ns)
+
+    with pytest.raises(BusTimeout, match=r"slave\.a1 \(unit 1\): stopped answering while it was"):
+        enable()
+    made.driver.close()
 
 
 def test_the_comm_loss_timeout_is_tried_then_armed_and_stops_the_drive() -> None:
@@ -210,6 +308,25 @@ def test_tcp_drives_too_slow_for_the_rate_are_measured_before_anything_moves() -
     with pytest.raises(BusBudgetError, match=r"takes 20 ms \(measured\).*divisor: 3 on this bus"):
         made.driver.open()
     assert not made.world.bus.drives[1].on
+
+
+@pytest.mark.parametrize("lost", [4, 5])
+def test_a_trial_of_the_cyclic_request_may_be_lost_but_not_all(lost: int) -> None:
+    made = bench()
+    bus, left = made.world.bus, [lost]
+    handle = bus.handle
+
+    def lossy(unit: int, pdu: bytes, now_ns: int) -> Any:
+        if pdu != CYCLIC_READ or left[0] == 0:
+            return handle(unit, pdu, now_ns)
+        left[0] -= 1
+        return None, UNDISTURBED._replace(lost=True)
+
+    bus.handle = lossy
+    if lost == 5:
+        assert "no response to the cyclic request, although each drive" in refusal(made)
+    else:
+        made.driver.open()
 
 
 def test_a_busy_drive_is_asked_again() -> None:

@@ -152,3 +152,11 @@ def test_adjacent_registers_are_read_at_once_and_gaps_only_where_they_are_known(
     assert [(one.address, one.words) for one in found] == [(2, 1), (4, 2), (90, 1)]
     found = blocks_of(wanted, known, True, 100)
     assert [(one.address, one.words) for one in found] == [(2, 89)]
+
+
+def test_a_request_of_several_units_has_the_head_of_each() -> None:
+    """Also of unit 6, which is as much as its length."""
+    request = frames.read(3, 2, 2)
+    for unit in (9, 6, 1, 247, 6, 9):
+        expected = frames.tcp_frame(7, unit, request.pdu)
+        assert frames.tcp_request(7, unit, request) == expected, unit

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 
 from tautwave.errors import ConfigError
 from tautwave_drivers.modbus import plugin
-from tautwave_drivers.modbus.options import ModbusOptions, match_devices, scale_of
+from tautwave_drivers.modbus.options import ModbusOptions, host_port, match_devices, scale_of
 from tautwave_drivers.modbus.profile import SHIPPED, Register, load_profile, parse_profile
 from tests.drivers.modbus.parts import bench, bus_of, device, options_of, spec
 
@@ -76,6 +77,7 @@ def test_addresses_of_the_dsy_rs_are_those_of_its_manual() -> None:
         ({"modes": {"effort": 2}}, "modes: velocity is missing"),
         ({"enable": [{"value": 1}]}, "enable.0: needs either write or wait"),
         ({"identity": {"register": "name"}}, "identity.register: there is no register 'name'"),
+        ({"machine": "cia402"}, "roles: mode_display missing; machine: cia402 needs them"),
         ({"source": ""}, "source: String should have at least 1 character"),
     ],
 )
@@ -193,6 +195,57 @@ def test_what_has_to_be_known_of_a_drive_is_asked_for() -> None:
     assert "not a serial device" in refused([spec(1)], endpoint="tcp://a:1", link="rtu")
     tiny = spec(1, effort=1e-5)
     assert "less than one count" in refused([tiny])
+
+
+def positions(data: dict[str, Any]) -> None:
+    del data["roles"]["command_velocity"]
+
+
+def velocities(data: dict[str, Any]) -> None:
+    del data["roles"]["command_effort"]
+
+
+def unsigned(data: dict[str, Any]) -> None:
+    data["registers"]["target_torque"]["type"] = "u16"
+
+
+@pytest.mark.parametrize(
+    ("causality", "change", "own", "reported"),
+    [
+        ("impedance", velocities, {}, "takes no torque; make the axis causality: admittance"),
+        ("admittance", positions, {}, "takes no velocity; make the axis causality: impedance"),
+        ("impedance", unsigned, {}, "its command register is unsigned"),
+        ("impedance", None, {"function_codes": [3]}, "function_codes [3]: one that reads (3, 4)"),
+        ("impedance", None, {"function_codes": [6]}, "function_codes [6]: one that reads (3, 4)"),
+        ("admittance", None, {"function_codes": [3, 6]}, "32 bits needs function code 16"),
+    ],
+)
+def test_a_drive_that_cannot_be_commanded_so_is_refused(
+    causality: str,
+    change: Callable[[dict[str, Any]], None] | None,
+    own: dict[str, Any],
+    reported: str,
+    tmp_path: Path,
+) -> None:
+    data = generic()
+    if change is not None:
+        change(data)
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    found = refused([spec(1, causality)], devices=[device(1, **own) | {"profile": str(path)}])
+    assert reported in found
+    if change is None:
+        enough = [device(1, function_codes=[3, 16])]
+        block = options_of([spec(1, causality)], "generic", devices=enough)
+        assert match_devices(ModbusOptions.model_validate(block), bus_of([spec(1, causality)]))
+
+
+def test_an_endpoint_has_a_host_and_the_port_of_the_standard_unless_it_says_another() -> None:
+    assert host_port("tcp://10.0.0.7") == ("10.0.0.7", 502)
+    assert host_port("tcp://[fe80::7]:503") == ("fe80::7", 503)
+    own = [device(1, endpoint="tcp://10.0.0.8:502")]
+    found = refused([spec(1)], devices=own, link="rtu", endpoint="/dev/ttyUSB0")
+    assert "endpoint of a device is for TCP; on a serial line all drives share" in found
 
 
 def test_all_that_is_missing_of_a_drive_is_said_at_once() -> None:

@@ -154,6 +154,21 @@ def test_a_fault_of_the_drive_is_decoded(profile: str, causality: str) -> None:
     made.driver.close()
 
 
+def test_a_limit_of_the_drive_is_reported_once_and_stops_nothing() -> None:
+    made = bench()
+    made.enable()
+    made.run(5, 0.2)
+    readers = made.world.bus.drives[1].bank.readers
+    shown = readers["status"]
+    readers["status"] = lambda: shown() | 0x8
+    made.run(20, 0.2)
+    [fault] = made.faults()
+    assert (fault.axis, fault.fatal) == ("slave.a1", False)
+    assert fault.text == "unit 1: a limit or a warning is active (status 0xb)"
+    assert made.commanded(0) == 200.0
+    made.driver.close()
+
+
 def test_a_drive_with_a_fault_is_kept_off() -> None:
     """Else it would go on by itself once somebody resets the fault at its keypad."""
     broken = {"kind": "drive_fault", "unit": 1, "at_s": 0.02, "code": 0x4310}
@@ -162,6 +177,17 @@ def test_a_drive_with_a_fault_is_kept_off() -> None:
     assert made.number(1, "controlword") == 0xF  # enable operation
     made.run(40, 0.2)
     assert made.number(1, "controlword") == 0  # disable voltage
+    made.driver.close()
+
+
+def test_a_state_machine_writes_mode_and_controlword_once() -> None:
+    made = bench(profile="cia402")
+    made.enable()
+    machine = made.driver.stations[0].machine
+    assert machine is not None
+    assert machine.writes() == []
+    made.run(5, 0.2)
+    assert machine.writes() == []
     made.driver.close()
 
 

@@ -7,7 +7,7 @@ import pytest
 from tautwave.errors import ConfigError, DriverError
 from tautwave_drivers.modbus.measure import measure
 from tautwave_drivers.modbus.scan import ScanOptions, scan, units_of
-from tests.sim.modbus.served import served
+from tests.sim.modbus.served import beside, served
 
 pytestmark = pytest.mark.realtime
 
@@ -25,6 +25,19 @@ def test_scan_over_tcp_tells_unit_profile_and_state() -> None:
     ]
     assert rows[0]["endpoint"] == drives["endpoint"]
     assert rows[0]["position_counts"] == 0
+
+
+def test_scan_tells_which_fault_a_drive_has() -> None:
+    devices = {"unit": 1}, {"unit": 2, "profile": "cia402"}, {"unit": 3}
+    ill = {unit: {"starts_in_fault": True} for unit in (1, 2)}
+    with beside(*devices, devices=ill) as port:
+        rows = scan(ScanOptions(endpoint=[f"tcp://127.0.0.1:{port}"], units="1-3"))
+    found = {row["unit"]: (row["profile"], row["state"], row.get("fault")) for row in rows}
+    assert found[1] == ("generic", "fault", "too much current")
+    assert found[2][0] == "cia402"
+    assert found[2][1].startswith("FAULT (0x")
+    assert found[2][2] == "0x2310: continuous overcurrent on the motor side"
+    assert found[3] == ("generic", "off (0x1)", None)
 
 
 @pytest.mark.slow

@@ -288,3 +288,18 @@ def test_the_following_error_is_a_fault_if_asked_for() -> None:
     assert node.emergencies() == [0x8611]
     run(node, 1000, 400)
     assert node.state() == "FAULT"
+
+
+def test_a_change_of_mode_takes_over_where_the_motor_is() -> None:
+    """Without a new set-point profile position stands there, not where the drive was enabled."""
+    node = node_in(CST)
+    for _ in range(300):
+        node.torque(250)
+    node.write(1, 0x6060, 0, PP, 1)
+    left = node.read(1, 0x6064, signed=True)
+    assert left > 5
+    for _ in range(300):
+        node.torque(0)
+    assert node.read(1, 0x6061, signed=True) == PP
+    assert node.read(1, 0x6064, signed=True) >= left
+    assert abs(node.read(1, 0x606C, signed=True)) <= 1

@@ -166,3 +166,17 @@ def test_the_statusword_of_every_state() -> None:
         assert bool(drive.statusword() & 0x1000) == (state is State.ENABLED)
     drive.lose_voltage()
     assert not drive.statusword() & 0x10
+
+
+@pytest.mark.parametrize("segments", [("0B6400",), ("0C64", "1D00")])
+def test_a_command_written_in_segments_acts_with_the_last_one(segments: tuple[str, ...]) -> None:
+    node = Master()
+    node.bring_up()
+    for _ in range(3):
+        node.torque(50)
+    motor = node.device().drive.motor
+    node.ask("601#2171600002000000")
+    for segment in segments:
+        assert motor.torque_counts == 50
+        node.ask(f"601#{segment:0<16}")
+    assert motor.torque_counts == 100

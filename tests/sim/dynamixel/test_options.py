@@ -177,3 +177,18 @@ def test_what_happens_to_a_servo_that_is_not_there_is_refused(
     """It would do nothing, and a test that relies on it would pass."""
     with pytest.raises(ValidationError, match=reported):
         DynamixelOptions.model_validate({**BLOCK, "simulator": simulated})
+
+
+def test_served_servos_announce_where_they_are_and_which() -> None:
+    assert simulator.serve is not None
+    made = bench(BenchOptions(model="XL330-M288", ids=[1, 4]))
+    reported: list[Any] = []
+    simulator.serve(*made, reported.append, lambda: True)
+    [about] = reported
+    assert about["endpoint"].startswith("/dev/")
+    assert about == {
+        "driver": "dynamixel",
+        "endpoint": about["endpoint"],
+        "models": {1: "XL330-M288", 4: "XL330-M288"},
+        "options": {"port": about["endpoint"]},
+    }

@@ -53,6 +53,15 @@ def test_a_packet_is_found_behind_anything(codec: object, garbage: bytes, cuts: 
     assert [one.device_id for one, _ in found if one.intact][-1:] == [7]
 
 
+@pytest.mark.parametrize("noise", [b"", b"\x00\xff", b"\xff\xff\xfd"])
+def test_a_packet_may_come_in_two_pieces_cut_anywhere(noise: bytes) -> None:
+    good = p2.frame(7, b"\x01")
+    for cut in range(1, len(noise + good)):
+        parser, stream = p2.Parser(), noise + good
+        found = parser.feed(stream[:cut]) + parser.feed(stream[cut:])
+        assert found == [(p2.Packet(7, p2.PING, b"", True), len(stream))], cut
+
+
 def test_bytes_before_a_header_are_no_part_of_a_packet() -> None:
     good = p1.frame(7, b"\x02\x24\x02")
     assert p1.Parser().feed(b"\x00\x00\x13\x05" + good) == [

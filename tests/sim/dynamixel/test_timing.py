@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from tautwave.clock import FakeClock
@@ -227,3 +229,17 @@ def test_an_idle_line_has_no_events() -> None:
     host.talk(PING)
     assert host.port.next_event_ns() is None
     assert not host.port.readable()
+
+
+def test_a_response_that_was_cut_short_in_time_garbles_nothing() -> None:
+    """The host spoke before it began: a servo that hears another instruction keeps silent."""
+    line = SerialLine(1_000_000)
+    heard: list[Transmission] = []
+    line.listener = SimpleNamespace(hear=heard.append)
+    response = line.respond(bytes(40), 100_000, 1_000_000)
+    for time_ns in (50_000, 200_000):
+        line.host_write(b"\xff\xff", time_ns)
+    assert response.cancelled
+    line.advance(1_000_000)
+    assert [sent.garbled for sent in heard] == [False, False]
+    assert line.take() == b""

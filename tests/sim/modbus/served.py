@@ -5,14 +5,21 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import queue
 import select
 import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
+
+from tautwave.contracts import AxisSpec, BusSpec
+from tautwave_sim.modbus import simulator
+from tautwave_sim.modbus.wire.serving import serve_bus
+from tests.sim.truths import PERIOD, truth
 
 
 @contextlib.contextmanager
@@ -33,6 +40,32 @@ def served(*words: str) -> Iterator[dict[str, Any]]:
             child.terminate()
             _, errors = child.communicate(timeout=60)
         assert (child.returncode, errors) == (0, b"")
+
+
+@contextlib.contextmanager
+def beside(*devices: dict[str, Any], **simulated: Any) -> Iterator[int]:
+    """Serve drives on TCP in a thread of this process inside the block; give the port."""
+    block = {"link": "tcp", "endpoint": "sim", "devices": devices, "simulator": simulated}
+    units = [one["unit"] for one in devices]
+    axes = tuple(AxisSpec(f"slave.{unit}", unit, "rotary", "impedance", 10.0) for unit in units)
+    announced: queue.Queue[Any] = queue.Queue()
+    ends = threading.Event()
+    thread = threading.Thread(
+        target=serve_bus,
+        args=(
+            simulator.options.model_validate_json(json.dumps(block)),
+            BusSpec("modbus", axes, 1.0 / PERIOD),
+            [truth() for _ in units],
+            announced.put,
+            ends.is_set,
+        ),
+    )
+    thread.start()
+    try:
+        yield int(announced.get(timeout=60.0)["endpoint"].rpartition(":")[2])
+    finally:
+        ends.set()
+        thread.join(60.0)
 
 
 def mbpoll(*words: str) -> tuple[int, str]:

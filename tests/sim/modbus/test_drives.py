@@ -169,17 +169,19 @@ def test_torque_and_velocity_are_held_at_their_limits(counts: int) -> None:
     assert servo.drive().motor.setpoint == (50 if counts > 0 else -50)
 
 
-def test_no_torque_pushes_beyond_the_range_of_position() -> None:
+@pytest.mark.parametrize(("end", "counts"), [("position_high", 40), ("position_low", -40)])
+def test_no_torque_pushes_beyond_the_range_of_position(end: str, counts: int) -> None:
     bench = Bench()
-    bench.set("position_high", 40)
+    bench.set(end, counts)
     enable(bench)
-    bench.set("target_torque", 1000)
-    while bench.number("position") < 40:
+    outwards = 25 * counts
+    bench.set("target_torque", outwards)
+    while abs(bench.number("position")) < 40:
         bench.wait(0.01)
     assert bench.drive().motor.setpoint == 0
     assert status(bench) & 8
-    bench.set("target_torque", -1000)
-    assert bench.drive().motor.setpoint == -1000
+    bench.set("target_torque", -outwards)
+    assert bench.drive().motor.setpoint == -outwards
 
 
 @pytest.mark.parametrize("link", ["tcp", "rtu"])

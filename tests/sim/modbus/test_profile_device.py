@@ -57,6 +57,11 @@ faults: {17: too hot, 3: too much current}
 limits: {effort: [limit]}
 """
 
+ENABLE = """enable:
+  - {write: start, value: 1}
+  - {wait: running, mask: 1, value: 1}
+"""
+
 
 @pytest.fixture
 def profile(tmp_path: Path) -> str:
@@ -130,6 +135,11 @@ def test_torque_in_amperes(tmp_path: Path) -> None:
     [
         ("unit: N m", "unit: V", "11: registers.torque.unit: rated, N m, A can be simulated"),
         ("unit: rpm", "unit: V", "10: registers.speed.unit: rpm, or counts/s with scale 1, can"),
+        ("  position: position\n", "", "20: roles: position is missing; every profile needs it"),
+        ("modes:", "machine: cia402\nmodes:", "20: roles: control is missing; machine: cia402 n"),
+        ("functions: [3, 6, 16]", "functions: [3]", "4: functions: one that reads (3 or 4) and"),
+        (ENABLE, "enable: []\n", "2: enable, disable and states are required"),
+        ("- {wait: running, ", "- {", "37: enable.1: should have either write or wait"),
         ("registers:", "regster:", "7: regster: unknown key 'regster'; did you mean 'registers'?"),
     ],
 )

@@ -257,6 +257,8 @@ def test_a_bench_of_drives() -> None:
     assert (made.options.link, made.options.endpoint) == ("rtu", "sim")
     assert [axis.device_id for axis in made.bus.axes] == [3, 4]
     assert all(model.servo is not None for model in made.physics)
+    made = simulator.bench(simulator.bench_options(rate_hz=500.0))
+    assert (made.bus.rate_hz, [model.period for model in made.physics]) == (500.0, [0.002])
     with pytest.raises(ConfigError, match="not both"):
         simulator.bench(simulator.bench_options(rtu=True, tcp="127.0.0.1:0"))
     with pytest.raises(ConfigError, match="no simulated drives of profile 'dsy'"):

@@ -160,3 +160,25 @@ def test_the_command_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.Mo
     found = tautwave("ros", tmp_path, cwd=tmp_path)
     assert found.exit_code == 2
     assert "pip install 'tautwave[ros]'" in found.stderr
+
+
+def test_the_command_says_where_it_publishes_and_what_to_do_after_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Run(tmp_path, columns=COLUMNS)
+    export = Exporter.export
+
+    def end_at_once(self: Exporter, clock: MonotonicClock) -> None:
+        run.close()
+        export(self, clock)
+
+    monkeypatch.setattr(Exporter, "export", end_at_once)
+    domain = DOMAIN + 64  # a process joins a domain with one configuration, and `node` has
+    words = ("--domain", domain, "--namespace", "/left", "--allow-commands")
+    found = tautwave("ros", tmp_path, *words, cwd=tmp_path)
+    assert (found.exit_code, found.stderr) == (0, "")
+    begin, end = found.stdout.splitlines()
+    assert begin == f"domain {domain}, lo: /left/slave/joint_states, /diagnostics"
+    assert end == (
+        f"{tmp_path}: the run has ended; run `tautwave report {tmp_path}` to write its report"
+    )

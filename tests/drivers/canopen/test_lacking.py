@@ -1,0 +1,165 @@
+"""Drives that lack an object, keep a value of their own or stay where they are: what is said."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tautwave.errors import BusTimeout, DriverError
+from tautwave_sim.canopen.dictionary import NOT_STORED, WRONG_STATE, SdoAbort
+from tests.drivers.canopen.benches import Rig, block, make, node
+from tests.drivers.canopen.test_startup import quirky, refused
+
+FAULT_OF_HOMING = 1 << 13
+PRODUCES_SYNC, PDO_OFF = 1 << 30, 1 << 31
+OPERATION_ENABLED = 0x0027
+NMT_START = b"\x01"
+
+Change = Callable[[Any], object]
+
+
+def changed(change: Change, **more: Any) -> Rig:
+    rig = quirky({}, **more)
+    change(rig.devices()[0].objects)
+    return rig
+
+
+def refusing(index: int, sub: int, code: int) -> Change:
+    def refuse(value: int) -> None:
+        raise SdoAbort(code)
+
+    return lambda objects: objects.writers.update({(index, sub): refuse})
+
+
+def reading(index: int, sub: int, value: int) -> Change:
+    return lambda objects: objects.readers.update({(index, sub): lambda: value})
+
+
+@pytest.mark.parametrize(
+    ("index", "note"),
+    [
+        (0x6502, "has no 6502:00, so its modes are checked when it is enabled"),
+        (0x6076, "has no 6076:00: rated torque 0.5 N m is not checked"),
+        (0x6072, "has no 6072:00: only this program limits its torque"),
+        (0x1018, "no 1018h (not checked: the rig gives no identity)"),
+    ],
+)
+def test_what_is_not_checked_for_want_of_an_object_is_noted(index: int, note: str) -> None:
+    def lack(objects: Any) -> None:
+        objects.remove(index)
+        objects.readers.pop((index, 0), None)
+
+    rig = changed(lack)
+    rig.open_and_enable()
+    assert [text for text in rig.driver.notes if note in text], rig.driver.notes
+    rows, _ = rig.run(5, 0.05)
+    assert rows[-1][0].valid
+    rig.driver.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            lambda objects: objects.set(0x1000, 0, 0x00020191),
+            "is not a CiA 402 drive: 1000:00 device type is 0x00020191, .* check the node id",
+        ),
+        (
+            reading(0x1A00, 1, 0x60400010),
+            "reads 0x60400010 at 1A00:01 .* after 0x60410010 was written: its PDO mapping may be",
+        ),
+        (
+            reading(0x6041, 0, OPERATION_ENABLED),
+            "stays in OPERATION ENABLED .*after disable voltage; cut its power",
+        ),
+    ],
+)
+def test_a_drive_that_is_none_or_will_not_be_told_is_refused(change: Change, words: str) -> None:
+    sentence = refused(changed(change))
+    assert re.match(rf"master\.a1 \(node 1\) {words}", sentence), sentence
+
+
+def test_a_drive_that_produces_sync_stops_or_is_refused() -> None:
+    def produce(objects: Any) -> None:
+        objects.set(0x1005, 0, PRODUCES_SYNC | 0x80)
+
+    rig = changed(produce)
+    rig.driver.open()
+    assert rig.devices()[0].objects.number(0x1005) == 0x80
+    assert any("1005:00 SYNC COB-ID = 128" in note for note in rig.driver.notes), rig.driver.notes
+    rig.driver.close()
+    rig = changed(produce)
+    refusing(0x1005, 0, WRONG_STATE)(rig.devices()[0].objects)
+    assert refused(rig).endswith("; two masters would send SYNC")
+
+
+def test_pdos_that_somebody_left_on_are_switched_off_or_named() -> None:
+    def left(objects: Any) -> None:
+        objects.set(0x1401, 1, 0x301)
+        objects.set(0x1802, 1, 0x381)
+
+    rig = changed(left)
+    rig.driver.open()
+    assert "master.a1 (node 1): switched off RPDO2, TPDO3" in rig.driver.notes
+    for index in (0x1401, 0x1802):
+        assert rig.devices()[0].objects.number(index, 1) & PDO_OFF
+    rig.driver.close()
+    rig = changed(left)
+    refusing(0x1401, 1, WRONG_STATE)(rig.devices()[0].objects)
+    rig.driver.open()
+    assert any("RPDO2 stays on: " in note for note in rig.driver.notes), rig.driver.notes
+    rig.driver.close()
+
+
+def test_settings_that_a_drive_does_not_store_are_in_force_all_the_same() -> None:
+    rig = changed(refusing(0x1010, 1, NOT_STORED), configure=True)
+    rig.open_and_enable()
+    assert any("does not store its settings: " in note for note in rig.driver.notes)
+    assert not any("settings stored" in note for note in rig.driver.notes)
+    rig.driver.close()
+
+
+def test_a_node_that_does_not_become_operational_is_named_with_its_state() -> None:
+    rig = quirky({})
+    device = rig.devices()[0]
+    take = device.receive
+
+    def deaf_to_start(now_ns: int, can_id: int, data: bytes) -> None:
+        if (can_id, data[:1]) != (0, NMT_START):
+            take(now_ns, can_id, data)
+
+    device.receive = deaf_to_start
+    sentence = refused(rig, BusTimeout)
+    assert "not NMT operational 1 s after NMT start: master.a1 (node 1) shows pre-op" in sentence
+
+
+def test_a_drive_without_tpdo_on_sync_is_named_before_it_is_enabled() -> None:
+    rig = make(block(node(1), simulator={"faults": {"sync_lost": 1.0}}), ("impedance",))
+    assert "sends no TPDO1 (0x181) on SYNC although it is operational" in refused(rig, BusTimeout)
+
+
+def test_a_drive_too_slow_for_its_share_of_the_period_is_named() -> None:
+    sentence = refused(quirky({}, answer_share=0.1), BusTimeout)
+    found = re.search(r"responds to SYNC after (\d+) us at best, but only 100 us of a", sentence)
+    assert found, sentence
+    assert int(found[1]) > 100
+
+
+def test_a_drive_that_fails_to_home_ends_it_with_its_method() -> None:
+    rig = quirky({}, first={"homing": {"method": 35}})
+    rig.driver.open()
+    device = rig.devices()[0]
+    shown = device.objects.readers[0x6041, 0]
+
+    def failing() -> int:
+        word = int(shown())
+        on = word & 0x6F == OPERATION_ENABLED and device.drive.mode == 6
+        return word | FAULT_OF_HOMING if on else word
+
+    device.objects.readers[0x6041, 0] = failing
+    with pytest.raises(DriverError, match=r"homing error \(statusword bit 13\), method 35"):
+        rig.enable(3000)
+    rig.driver.close()
