@@ -345,7 +345,8 @@ def test_report_rebuilds_or_compares(
 
     calls: list[tuple[Any, ...]] = []
 
-    def write_report(directory: Path) -> Path:
+    def write_report(directory: Path, *, replace: bool) -> Path:
+        assert not replace
         calls.append((directory,))
         return directory / "report.html"
 

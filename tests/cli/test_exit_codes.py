@@ -196,7 +196,7 @@ def test_no_room_for_the_summary_is_exit_code_7_too(
 
 
 def test_report_on_a_full_disk_is_one_sentence_and_keeps_the_old_page(tmp_path: Path) -> None:
-    (tmp_path / "summary.json").write_text('{"rig": "a"}')
+    (tmp_path / "summary.json").write_text('{"rig": "a", "cycles": 0}')
     (tmp_path / "report.html").write_text("old")
     with largest_file(1000):
         done = tautwave("report", tmp_path, cwd=tmp_path)

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from tautwave.cli.options import PATH, Number, of_kind, positive, run_argument
-from tautwave.errors import RecordingError, WritingError
+from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN, TABLE
 
 
@@ -121,26 +121,15 @@ def report(
     if other is None:
         if out is not None:
             raise click.UsageError("--out is only for a comparison or --figures.")
-        _page(directory)
+        from tautwave.report import write_report
+
+        click.echo(write_report(directory, replace=False))
         return
 
     from tautwave.report import compare_reports
 
     names = f"compare-{directory.resolve().name}-{other.resolve().name}"
     click.echo(compare_reports(directory, other, out or other.resolve().parent / names))
-
-
-def _page(directory: Path) -> None:
-    from tautwave.report.run.loading import load_run
-    from tautwave.report.run.page import PAGE, write_page
-
-    run, path = load_run(directory), directory / PAGE
-    unread = run.began and not run.rows
-    if unread and path.is_file():
-        raise RecordingError(f"{path}: not rebuilt. {' '.join(run.notes)}")
-    click.echo(write_page(run))
-    if unread:
-        raise WritingError(f"{path}: is incomplete. {' '.join(run.notes)}")
 
 
 def _against(

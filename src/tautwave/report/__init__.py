@@ -8,24 +8,42 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tautwave.errors import RecordingError, WritingError
+
 if TYPE_CHECKING:
     from tautwave.canvas import Style
 
 __all__ = ["compare_reports", "write_figures", "write_report"]
 
 
-def write_report(directory: Path) -> Path:
+def write_report(directory: Path, *, replace: bool = True) -> Path:
     """Write `report.html` and its figures into a run's directory; return the page's path.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the run.
+    replace : bool
+        False: a page is not replaced by one without figures, and a new one without is an error.
 
     Raises
     ------
     RecordingError
-        There is neither a summary nor a readable recording.
+        There is neither a summary nor a readable recording, or the page that is there is kept.
+    WritingError
+        The page is written, but has only what the summary says.
     """
     from tautwave.report.run.loading import load_run
-    from tautwave.report.run.page import write_page
+    from tautwave.report.run.page import PAGE, write_page
 
-    return write_page(load_run(Path(directory)))
+    run, path = load_run(Path(directory)), Path(directory) / PAGE
+    lost = run.began and not run.rows and not replace
+    if lost and path.is_file():
+        raise RecordingError(f"{path}: not rebuilt. {' '.join(run.notes)}")
+    write_page(run)
+    if lost:
+        raise WritingError(f"{path}: is incomplete. {' '.join(run.notes)}")
+    return path
 
 
 def write_figures(directory: Path, out: Path, kind: str, style: Style) -> list[Path]:
