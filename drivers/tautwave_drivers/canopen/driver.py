@@ -191,7 +191,8 @@ class CanopenDriver:
             raise DeviceFault(f"bus {self._bus.name}: " + "; ".join(fatal))
         for startup in self._startups:
             if startup.failure:
-                raise BusTimeout(f"bus {self._bus.name}: {startup.failure}")
+                kind = DeviceFault if startup.faulted else BusTimeout
+                raise kind(f"bus {self._bus.name}: {startup.failure}")
 
     # -- the cycle ----------------------------------------------------------------------------
 

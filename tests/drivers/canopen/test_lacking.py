@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tautwave.errors import BusTimeout, DriverError
+from tautwave.errors import BusTimeout, DeviceFault
 from tautwave_sim.canopen.dictionary import NOT_STORED, WRONG_STATE, SdoAbort
 from tests.drivers.canopen.benches import Rig, block, make, node
 from tests.drivers.canopen.test_startup import quirky, refused
@@ -160,6 +160,6 @@ def test_a_drive_that_fails_to_home_ends_it_with_its_method() -> None:
         return word | FAULT_OF_HOMING if on else word
 
     device.objects.readers[0x6041, 0] = failing
-    with pytest.raises(DriverError, match=r"homing error \(statusword bit 13\), method 35"):
+    with pytest.raises(DeviceFault, match=r"homing error \(statusword bit 13\), method 35"):
         rig.enable(3000)
     rig.driver.close()

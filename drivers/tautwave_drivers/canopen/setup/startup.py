@@ -43,6 +43,8 @@ class StartUp:
         self._stayed = 0
         self.second_pdo: tuple[int, bytes] | None = None
         self.failure = ""
+        self.faulted = False
+        """Whether the drive itself reported the failure."""
 
     @property
     def done(self) -> bool:
@@ -80,6 +82,8 @@ class StartUp:
             axis.force_step()
         if self._homing.failed:
             self.failure = f"{axis.label}: homing error (statusword bit 13), method {keys.method}"
+            self.faulted = True
+            return False
         self._expired(cycle, keys.timeout_s, f"homing by method {keys.method}")
         return self._homing.done
 
