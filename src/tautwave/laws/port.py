@@ -221,9 +221,9 @@ def port_bounded(
 ) -> float:
     """Return as much of `port_effort` as the tank pays for until it is taken away [N m or N].
 
-    Of the same velocity, acceleration and efforts on their way. What it takes is cut as by a limit,
-    and to be told to `port_close`: else the tank pays for a device that it lets go, and so holds
-    less and less, until one end presses with all it has and nothing is felt at the other.
+    Arguments are those of `port_effort`, and its result. What is taken counts as `cut` in
+    `port_close`: else the tank pays for a device that it lets go, and so holds less and less, until
+    one end presses with all it has and nothing is felt at the other.
     """
     if effort > p.ramp.half_step or effort < -p.ramp.half_step:
         coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending

@@ -75,21 +75,31 @@ def declared_noise(pair: WavePair, side: str, axis: CoupledAxis) -> NoisePower:
     whole = axis.delay + (1 if axis.late > 0.0 else 0)
     port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
     observer = observer_of(pair, side, axis.period, axis.inertia)
-    return noise_power(
+    found = noise_power(
         port, observer, whole, axis.position_noise, axis.encoder_quantum, axis.noise_lags
     )
+    return found._replace(lost=to_twelve_digits(found.lost))
+
+
+def to_twelve_digits(power: float) -> float:
+    """Return a power, rounded up.
+
+    The last bits of a spectrum depend on library and processor, and a run's rows would with them.
+    """
+    return float(f"{power * (1.0 + 1e-11):.12g}")
 
 
 def swing_lag(pair: WavePair, side: str, axis: CoupledAxis) -> float:
     """Return what the observer's lag can take from a tank [W] while a lever is moved hard."""
     assert axis.inertia is not None
-    return lag_power(
+    found = lag_power(
         bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late),
         observer_of(pair, side, axis.period, axis.inertia),
         axis.delay + (1 if axis.late > 0.0 else 0),
         axis.effort_limit,
         axis.velocity_limit,
     )
+    return to_twelve_digits(found)
 
 
 def effort_steps(axis: CoupledAxis) -> float:
