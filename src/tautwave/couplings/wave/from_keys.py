@@ -78,15 +78,15 @@ def declared_noise(pair: WavePair, side: str, axis: CoupledAxis) -> NoisePower:
     found = noise_power(
         port, observer, whole, axis.position_noise, axis.encoder_quantum, axis.noise_lags
     )
-    return found._replace(lost=to_twelve_digits(found.lost))
+    return found._replace(lost=to_nine_digits(found.lost))
 
 
-def to_twelve_digits(power: float) -> float:
+def to_nine_digits(power: float) -> float:
     """Return a power, rounded up.
 
     The last bits of a spectrum depend on library and processor, and a run's rows would with them.
     """
-    return float(f"{power * (1.0 + 1e-11):.12g}")
+    return float(f"{power * (1.0 + 1e-8):.9g}")
 
 
 def swing_lag(pair: WavePair, side: str, axis: CoupledAxis) -> float:
@@ -99,7 +99,7 @@ def swing_lag(pair: WavePair, side: str, axis: CoupledAxis) -> float:
         axis.effort_limit,
         axis.velocity_limit,
     )
-    return to_twelve_digits(found)
+    return to_nine_digits(found)
 
 
 def effort_steps(axis: CoupledAxis) -> float:
