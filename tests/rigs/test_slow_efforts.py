@@ -1,4 +1,4 @@
-"""Levers whose effort is taken away slowly: they settle, and without the ramp's bound do not."""
+"""Levers whose effort falls slowly: a swing dies away, and grows without the ramp's bound."""
 
 from __future__ import annotations
 
