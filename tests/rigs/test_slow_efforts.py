@@ -11,7 +11,7 @@ import pytest
 from tautwave import check, load_rig, simulate
 from tautwave.analysis.claim import Claim
 from tautwave.config import Rig
-from tautwave.couplings.wave.claim import claim_of
+from tautwave.couplings.wave.claim import claim_of, claimed_joules
 from tautwave.couplings.wave.messages import ramp_hints
 from tautwave.couplings.wave.port import think
 from tautwave.laws import port
@@ -19,6 +19,7 @@ from tautwave.laws.port import port_effort
 from tautwave.laws.ramp import NO_RAMP, ramp_bound
 from tautwave.rig import command_delays
 from tautwave.rig.controller import end_constants, site_params
+from tautwave.simulation.rows import Simulation
 
 ROOT = Path(__file__).parents[2]
 LEVERS = {
@@ -59,6 +60,14 @@ def swing(found: Any, share: float) -> float:
     return float(last.max() - last.min())
 
 
+def assert_claims_kept(rig: Rig, found: Simulation) -> None:
+    """No end supplied more than it claims, from the start of the run to any time in it [J]."""
+    delays = command_delays(rig)
+    for side in ("master", "slave"):
+        given = -float(found[f"lever.port_{side}.absorbed"].min())
+        assert given <= claimed_joules(rig, f"{side}.lever", delays)
+
+
 @pytest.mark.parametrize("name", LEVERS)
 def test_a_certified_lever_with_slow_efforts_settles(name: str) -> None:
     """Nothing stops the run, and what the hand began dies away."""
@@ -66,6 +75,7 @@ def test_a_certified_lever_with_slow_efforts_settles(name: str) -> None:
     assert check(rig).certificate["passed"]
     found = simulate(rig)
     assert found.error is None
+    assert_claims_kept(rig, found)
     assert swing(found, 0.125) < 0.4 * swing(found, 1.0)
 
 
@@ -73,8 +83,10 @@ def test_a_certified_lever_with_slow_efforts_settles(name: str) -> None:
 def test_without_the_bound_it_is_stopped(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The swing empties the tank: overdrawn, or a lost coupling."""
     monkeypatch.setattr(port, "ramp_params", lambda *_: NO_RAMP)
-    found = simulate(slow(*LEVERS[name]))
+    rig = slow(*LEVERS[name])
+    found = simulate(rig)
     assert found.error is not None
+    assert_claims_kept(rig, found)
     assert "more energy than its port had" in str(found.error) or "lost its" in str(found.error)
 
 
@@ -171,3 +183,25 @@ def test_a_port_is_bounded_by_where_its_device_is_when_the_effort_acts() -> None
     coast = 3.0 + k.port.ahead * 40.0 - 2.0 * k.port.half_mobility * 1.5e-3
     assert found == ramp_bound(k.port.ramp, 1e-4, coast) < asked
     assert e.wanted == asked
+
+
+@pytest.mark.slow
+def test_where_the_hand_rests_emptied_tanks_repay_nothing() -> None:
+    """So a run may end as a lost coupling after ten seconds: the docs say so."""
+    found = simulate(slow(*LEVERS["a fifth of a second"]), duration_s=30)
+    assert "owes the other end a displacement" in str(found.error)
+    assert found["time_s"][-1] > 12.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LEVERS)
+def test_at_the_stated_rate_no_run_ends(name: str) -> None:
+    """40 s of a hand that pulls once and rests; a lever without the hint keeps its own rate."""
+    impedance, delay, rise, limit, meets = LEVERS[name]
+    facts = dict(check(slow(*LEVERS[name])).facts)
+    said = facts.get("hint on master.lever", "")
+    if "with effort_rate_limit " in said:
+        rise = limit / float(said.split("with effort_rate_limit ")[1].split(" ")[0])
+    found = simulate(slow(impedance, delay, rise, limit, meets), duration_s=40)
+    assert found.error is None
+    assert swing(found, 0.1) < 0.2 * swing(found, 1.0)

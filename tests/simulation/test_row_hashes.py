@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import pytest
+from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 from tests.rigs.row_hashes import (
     FAST,
+    ROOT,
     Case,
     cases,
     difference,
@@ -77,3 +83,35 @@ def test_a_single_bit_shows_and_has_a_name() -> None:
     assert "another order" in str(difference(kept, hashed(turned, run.table, None)))
     stopped = hashed(run.columns, run.table, RuntimeError("x"))
     assert "ended with RuntimeError" in str(difference(kept, stopped))
+
+
+LEAKING = ("bench-1dof-2khz", "bench-1dof-loopback", "bench-2axis-loopback", "delay-stability")
+LEAKS = """
+import sys
+from tautwave import load_rig
+from tautwave.rig import command_delays
+from tautwave.rig.controller import end_constants
+for path in sys.argv[1:]:
+    rig = load_rig(path)
+    for name, delay in command_delays(rig).items():
+        print(path, name, end_constants(rig, name, delay).port.leak.hex())
+"""
+
+
+def test_a_leak_has_the_same_bits_without_vector_instructions() -> None:
+    """Every row holds it: NumPy's sums and sines on another processor must not change a run."""
+    rigs = [str(ROOT / f"configs/{name}.yaml") for name in LEAKING]
+    used = " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name])
+    plain = {"NPY_DISABLE_CPU_FEATURES": used, "OPENBLAS_CORETYPE": "Prescott"}
+    there, here = (
+        subprocess.run(
+            [sys.executable, "-c", LEAKS, *rigs],
+            env=os.environ | more,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for more in (plain, {})
+    )
+    assert there == here
+    assert here.count("0x1.") >= 2 * len(rigs)

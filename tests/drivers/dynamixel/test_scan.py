@@ -1,4 +1,4 @@
-"""What a scan tells of each servo, in both protocols, on simulated lines and the fake clock."""
+"""What a scan reports of each servo, in both protocols, on simulated lines and the fake clock."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_servo_without_current_control_has_no_current_limit() -> None:
     assert "current_limit" not in row
 
 
-def test_a_servo_of_the_first_protocol_tells_where_it_is_and_what_it_bears() -> None:
+def test_a_servo_of_the_first_protocol_reports_its_position_and_load() -> None:
     loads = {}
     for goal in (1000, 20):
         host = Host((1,), "AX-12A", truths={"mass": 0.05})

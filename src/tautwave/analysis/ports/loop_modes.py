@@ -95,7 +95,7 @@ def loop_roots(master: LinearEnd, slave: LinearEnd, samples: int) -> npt.NDArray
         step *= np.minimum(1.0, 0.2 / np.maximum(np.abs(step), 1e-300))
         z[moving] -= step
         # Most arrive in some ten rounds and stay, a few need many more.
-        moving = moving[np.abs(step) >= ARRIVED]
+        moving = moving[~(np.abs(step) < ARRIVED)]  # NaN has not
         if not np.any(np.abs(z[moving]) > 0.9 * np.abs(z).max()):
             break
     return z
