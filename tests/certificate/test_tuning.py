@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.ports.sampled_loop import Device, close_loop, position_end
+from tautwave.certificate import certify
+from tautwave.certificate.data import Verdict
 from tautwave.certificate.tuning.two_port import Tuning, tuning
 from tautwave.config import Rig, load_rig
 from tautwave.rig import command_delays
@@ -185,3 +187,62 @@ def test_a_spring_that_is_chosen_suits_the_lighter_side(law: str) -> None:
     light = gains(1e-3, 1e-3)
     assert gains(1e-3, 4e-3) == gains(4e-3, 1e-3) == light
     assert gains(4e-3, 4e-3)["stiffness"] == pytest.approx(4.0 * light["stiffness"], rel=1e-3)
+
+
+SOFT = {"stiffness": 20.0, "damping": 0.0}
+LAWS = {"position": SOFT, "pd_damping": {**SOFT, "injection": 0.02}}
+
+
+def coupled(law: str, *changes: dict[str, object], slots: int = 0, **pair: object) -> Verdict:
+    """Verdict on levers with 10 N m of motor and 2 N m s/rad of damping."""
+    keys = {"law": law, "delay_s": slots * T, "pairs": {"a": {**LAWS[law], **pair}}}
+    levers = {
+        f"{side}.axes.a.{key}": value
+        for side in ("master", "slave")
+        for key, value in {"kind": "rotary", "effort_limit": 10.0, "damping": 2.0}.items()
+    }
+    rig = rig_of(tree(levers, {"coupling": keys}, *changes))
+    return element(certify(rig), "coupling of a").passive
+
+
+@pytest.mark.parametrize("slots", [0, 3])
+@pytest.mark.parametrize("law", sorted(LAWS))
+def test_motors_of_unlike_strength_hold_no_spring(law: str, slots: int) -> None:
+    """Equal is what is left for the coupling, in the pair's units."""
+    limit = "slave.axes.a.effort_limit"
+    assert coupled(law, slots=slots).passed
+    unlike = coupled(law, {limit: 9.0}, slots=slots)
+    assert not unlike.passed
+    assert "has 10 N m" in unlike.reason
+    assert "9 in the master's units" in unlike.reason
+    assert not coupled(law, slots=slots, force_scale=2.0).passed
+    assert coupled(law, {limit: 20.0}, slots=slots, force_scale=2.0).passed
+    loaded: dict[str, object] = {"slave.axes.a.load": {"constant": 1.0}}
+    assert not coupled(law, loaded, slots=slots).passed
+    assert coupled(law, loaded, {limit: 11.1}, slots=slots).passed
+
+
+@pytest.mark.parametrize("slots", [0, 3])
+@pytest.mark.parametrize("law", sorted(LAWS))
+def test_a_wall_takes_from_one_end_what_the_other_still_has(law: str, slots: int) -> None:
+    found = coupled(law, slots=slots, wall_slave={"position": 0.1, "stiffness": 20.0})
+    assert not found.passed
+    assert "local wall of slave.a" in found.reason
+
+
+def test_a_long_delay_is_not_certified_by_a_grid() -> None:
+    assert coupled("position", slots=400, stiffness=1.0).passed
+    found = coupled("position", slots=401, stiffness=1.0)
+    assert not found.passed
+    assert "401 periods" in found.reason
+
+
+@pytest.mark.parametrize("slots", [0, 1])
+def test_a_load_and_the_coupling_count_damping_once(slots: int) -> None:
+    """A load of slope h takes h T; the spring, of the same stiffness, needs as much or more."""
+    sides = ("master", "slave")
+    have = {f"{side}.axes.a.{key}": value for side in sides for key, value in
+            {"damping": 0.06, "effort_limit": 300.0}.items()}  # fmt: skip
+    loads = {f"{side}.axes.a.load": {"sine": 50.0} for side in sides}
+    assert coupled("position", have, slots=slots).passed
+    assert not coupled("position", have, loads, slots=slots).passed

@@ -95,6 +95,19 @@ def test_the_set_and_the_corner_of_the_way_are_certified(monkeypatch: pytest.Mon
     desk.close()
 
 
+LEVERS = BENCH.parent / "bench-position-coupling.yaml"
+
+
+@pytest.mark.parametrize("law", ["position", "pd_damping"])
+def test_a_limit_of_a_law_that_is_passive_by_tuning_stays(law: str) -> None:
+    keys = f"coupling={{law: {law}, pairs: {{lever: {{stiffness: 1.0, damping: 0.0}}}}}}"
+    rig = load_rig(LEVERS, ["require=passive", keys])
+    asked = tuner.Asked({LIMIT: 1.1}, {LIMIT: 1.1}, {LIMIT: 0.5}, {LIMIT})
+    run: Any = SimpleNamespace(facts={"tuning": {"hardware": [], "knobs": [{"path": LIMIT}]}})
+    with pytest.raises(NotCertifiedError, match=f"law {law} is passive only while both motors"):
+        asyncio.run(tune(run, rig, asked))
+
+
 def test_a_changed_rig_is_checked_as_a_rig_file_is() -> None:
     rig = load_rig(BENCH)
     changed = with_values(rig, {K: 1.5, FILTER: 60.0})

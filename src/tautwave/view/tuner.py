@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from tautwave.config import Rig, parse_rig, resolved_yaml
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, NotCertifiedError
+from tautwave.rig import coupling_law
 from tautwave.runtime.tuning.desk import last_left, leave
 from tautwave.session.facts import port_claims
 from tautwave.session.operating import scales_of
@@ -88,6 +89,7 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
     facts = run.facts["tuning"]
     wanted, corner = _certified(asked.wanted), _certified(asked.corner)
     changed = [path for path, value in asked.wanted.items() if value != asked.way[path]]
+    _keep_alike(rig, changed)
     if any(path in wanted for path in changed):
         sets = [wanted] if corner == wanted else [wanted, corner]
         rigs = (one for values in sets for one in at_every_scale(rig, values))
@@ -107,6 +109,18 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
 def _certified(values: Mapping[str, float]) -> dict[str, float]:
     """Leave out effort limits: below that of the rig its certificate holds as it is."""
     return {path: value for path, value in values.items() if not path.endswith(".effort_limit")}
+
+
+def _keep_alike(rig: Rig, changed: Collection[str]) -> None:
+    """Refuse a change after which the two motors of a law that is passive by tuning are unlike."""
+    limits = [path for path in changed if path.endswith(".effort_limit")]
+    tuned = rig.coupling.account is None and coupling_law(rig).spring is not None
+    if limits and tuned and rig.require != "coupled_stable":
+        raise NotCertifiedError(
+            f"{limits[0]}: law {rig.coupling.law} is passive only while both motors have the same "
+            "left for the coupling, and limits change one after the other; change both between "
+            "runs"
+        )
 
 
 def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:

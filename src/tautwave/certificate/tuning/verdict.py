@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from tautwave.certificate.belief import SIDES, assumed, broken_damping
 from tautwave.certificate.data import Element, Verdict
+from tautwave.certificate.tuning.limits import too_long, unlike_ends
 from tautwave.certificate.tuning.two_port import Tuning, tuning
 from tautwave.config import Rig
 from tautwave.types import CommandDelay
@@ -17,12 +18,14 @@ Delays = Mapping[str, CommandDelay]
 def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     """Return the coupling of a pair as an element; `remedy` ends the sentence of one that fails."""
     head = f"coupling of {pair}"
-    found = tuning(rig, pair, delays)
+    why = too_long(rig)
+    found = tuning(rig, pair, delays) if why is None else None
     if found is None:
-        why = (
-            "commands act after a fractional period, or its law does not come to rest, or it "
-            "reads an effort sensor"
-        )
+        if why is None:
+            why = (
+                "commands act after a fractional period, or its law does not come to rest, or it "
+                "reads an effort sensor"
+            )
         if rig.link is not None:
             why = "over a network its delay is not known"
         verdict = Verdict(False, f"{head}: not evaluated: {why}. {remedy}")
@@ -35,6 +38,8 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
         verdict = Verdict(False, f"{head}: {broken[0]}", margin=-found.short)
     elif found.short > 0.0:
         verdict = Verdict(False, f"{text} {remedy}", margin=-found.short)
+    elif (unlike := unlike_ends(rig, pair)) is not None:
+        verdict = Verdict(False, f"{head}: not passive: {unlike}.", margin=-found.short)
     else:
         conditions = [
             said for name in names for said in assumed(rig.axes[name], name, damping=True)

@@ -19,8 +19,10 @@ from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.belief import SIDES, assumed, broken_damping, delay_in_periods
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
+from tautwave.certificate.tuning.limits import unlike_ends
+from tautwave.certificate.tuning.two_port import left_of_damping
 from tautwave.certificate.tuning.verdict import tuned_element
-from tautwave.config import Rig, local_wall
+from tautwave.config import Rig
 from tautwave.couplings.position.from_keys import coupler_constants
 from tautwave.couplings.position.keys import PositionPair
 from tautwave.couplings.position.steps import PositionEndParams
@@ -51,12 +53,12 @@ def _coupler(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterato
     filters = [rig.axes[f"{side}.{pair}"].velocity_filter_s for side in SIDES]
     at_once = rig.link is None and rig.delay_samples == 0
     if at_once and late[0] == late[1] and not any(filters):
-        yield _at_once(rig, pair, late[0])
+        yield _at_once(rig, pair, delays, late[0])
     else:
         yield tuned_element(rig, pair, delays, REMEDY)
 
 
-def _at_once(rig: Rig, pair: str, late: float) -> Element:
+def _at_once(rig: Rig, pair: str, delays: Mapping[str, CommandDelay], late: float) -> Element:
     """Return the verdict on a coupling without delay: a wall on the relative motion."""
     names = [f"{side}.{pair}" for side in SIDES]
     master = port_constants(rig, names[0])
@@ -64,8 +66,8 @@ def _at_once(rig: Rig, pair: str, late: float) -> Element:
     needed = wall_leak(wall).damping
     # the slave's damping as the master would feel it
     leverage = port_constants(rig, names[1]).stiffness / master.stiffness
-    present = [rig.axes[name].damping.lower - _of_wall(rig, name, late) for name in names]
-    present = [max(0.0, present[0]), max(0.0, present[1] / leverage)]
+    present = [left_of_damping(rig, name, delays) for name in names]
+    present[1] /= leverage
     between = damping_between(present[0], present[1])
     unit = "N m s/rad" if rig.master.axes[pair].kind == "rotary" else "N s/m"
     numbers: dict[str, object] = {
@@ -89,6 +91,8 @@ def _at_once(rig: Rig, pair: str, late: float) -> Element:
             f"{head}: not passive; {have}. {REMEDY}",
             margin=margin,
         )
+    elif (unlike := unlike_ends(rig, pair)) is not None:
+        result = Verdict(False, f"{head}: not passive: {unlike}.", margin=margin)
     else:
         conditions = [
             text for name in names for text in assumed(rig.axes[name], name, damping=True)
@@ -110,14 +114,6 @@ def _at_once(rig: Rig, pair: str, late: float) -> Element:
     return Element(
         f"coupling of {pair}", "coupling", pair, result, quantised, numbers, (result.reason,)
     )
-
-
-def _of_wall(rig: Rig, axis_name: str, late: float) -> float:
-    """Return the damping that the local wall of an axis takes."""
-    wall = local_wall(rig, axis_name)
-    if wall is None:
-        return 0.0
-    return wall_leak(SampledWall(wall.stiffness, wall.damping, rig.period_s, late)).damping
 
 
 def _remedy(rig: Rig, pair: str) -> str:
