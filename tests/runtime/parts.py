@@ -16,7 +16,7 @@ from tautwave.controller.axis import (
     stored_in_wall,
     think_axis,
 )
-from tautwave.controller.braking import fade_axis, stop_axis
+from tautwave.controller.braking import stop_axis
 from tautwave.controller.pair import (
     cycle_pair,
     effort_error,
@@ -148,9 +148,6 @@ class Axis:
 
     def stop(self, ceiling: float) -> None:
         stop_axis(self.state, self.params, ceiling)
-
-    def fade(self, ceiling: float) -> None:
-        fade_axis(self.state, self.params, ceiling)
 
     def waiting_energy(self) -> float:
         return waiting_energy(self.state, self.params, self.table)

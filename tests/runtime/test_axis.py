@@ -148,14 +148,11 @@ def test_a_remainder_of_delay_widens_the_interval_by_the_swing() -> None:
     assert axis.uncertainty == pytest.approx(0.001 * 4.0)
 
 
-def test_stopping_damps_within_limits_and_fading_falls() -> None:
+def test_stopping_damps_within_limits() -> None:
     axis = site(limit=WIDE._replace(effort=1.0, stop_damping=2.0))
     step(axis, 1e-3)
     axis.stop(1.0)
     assert axis.command == pytest.approx(-1.0)  # 2 N s/m at 1 m/s, clipped
-    for ceiling in (0.5, 0.2, 0.0):
-        axis.fade(ceiling)
-        assert axis.command == pytest.approx(-ceiling)
     assert axis.stopping
     assert axis.wall_effort == 0.0
 

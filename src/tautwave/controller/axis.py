@@ -10,17 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence
 
-from tautwave.controller.braking import brake_axis, fade_axis, stop_axis, stop_coupled
+from tautwave.controller.braking import miss_axis, stop_axis, stop_coupled
 from tautwave.controller.inertia import close_inertia, lighten, start_inertia
 from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
 from tautwave.laws.compensation import compensation_effort
-from tautwave.laws.limit import (
-    NOT_A_NUMBER,
-    UNSEEN,
-    guard_axis,
-    limit_effort,
-)
+from tautwave.laws.limit import NOT_A_NUMBER, guard_axis, limit_effort
 from tautwave.laws.site import held_effort, limit_site, limit_velocity, render_wall, wall_ahead
 from tautwave.laws.velocity import track_velocity
 from tautwave.laws.wall import wall_depth, wall_effort, wall_loss, wall_stored
@@ -350,24 +345,10 @@ def decide_axis(
     ramp: float,
     steps: Steps,
 ) -> int:
-    """Think if there is a sample; without one, fade while stopping, else keep the command.
-
-    Slots that a stalled host skipped count as well: beyond `p.blind` periods without a sample the
-    axis stops.
-    """
+    """Think if there is a sample; without one, let go while stopping, else keep the command."""
     if valid:
         return think_axis(s, p, table, ramp * p.ceiling, steps)
-    guard = 0
-    if s.count >= p.blind:
-        s.stopping = True
-        guard = UNSEEN
-    if s.stopping:
-        held = steps.brake(s, p, s.total)
-        if p.impedance and held != s.total:
-            brake_axis(s, p, held, ramp * p.ceiling)
-        else:
-            fade_axis(s, p, ramp * p.ceiling)
-    return guard
+    return miss_axis(s, p, ramp * p.ceiling)
 
 
 def is_due(p: AxisParams, slot: int) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tautwave.controller.records import AxisParams, AxisState
 from tautwave.controller.steps import Steps
-from tautwave.laws.limit import clamp, limit_effort, stop_effort
+from tautwave.laws.limit import UNSEEN, limit_effort, stop_effort
 
 
 def stop_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
@@ -21,12 +21,13 @@ def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> No
     """Send a resisting effort in place of coupling and wall; an admittance axis stands.
 
     The rate limit counts every slot since the last command: a host that stalls during the ramp
-    holds an effort longer, but the ramp ends when it would have ended.
+    holds an effort longer, but the ramp ends when it would have ended. A device in fault gets
+    nothing.
     """
     s.stopping = True
     total = 0.0
     s.command = 0.0
-    if p.impedance:
+    if p.impedance and not s.dead:
         slots = s.count
         if s.valid:
             slots = s.waited
@@ -47,15 +48,16 @@ def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> No
     s.inertia.effort = 0.0
 
 
-def fade_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
-    """Bring the command to zero under a falling ceiling, without looking at the axis."""
-    s.stopping = True
-    total = clamp(s.total, ceiling)
-    s.total = total
-    s.port_effort = 0.0
-    s.wall_effort = 0.0
-    s.inertia.effort = 0.0
-    s.command = total
-    if p.impedance:
-        s.port_effort = total
-        s.command = -total
+def miss_axis(s: AxisState, p: AxisParams, ceiling: float) -> int:
+    """Keep the command in a cycle without a sample, and let it go in a stop; return the guard.
+
+    Slots that a stalled host skipped count as well: beyond `p.blind` periods without a sample the
+    axis stops. Nobody sees it then: its effort goes to 0 by the rate limit, its velocity at once.
+    """
+    guard = 0
+    if s.count >= p.blind:
+        s.stopping = True
+        guard = UNSEEN
+    if s.stopping:
+        brake_axis(s, p, 0.0, ceiling)
+    return guard

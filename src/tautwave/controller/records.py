@@ -92,7 +92,8 @@ class AxisParams(NamedTuple):
     end here. `blind`: periods without a sample, skipped slots included, after which it stops.
     `senses`: an impedance axis whose outside effort is measured: what is shown less `sensor_zero`,
     times `sensor_gain`. `rest_effort`: the most that a device at rest can balance by its friction,
-    where what is measured drives the coupling [N m or N].
+    where what is measured drives the coupling [N m or N]. `fed`: the coupling takes the measured
+    effort for true, so that a sample without it is none.
     """
 
     site: SiteParams
@@ -111,6 +112,7 @@ class AxisParams(NamedTuple):
     sensor_zero: float = 0.0
     sensor_gain: float = 1.0
     rest_effort: float = math.inf
+    fed: bool = False
 
 
 @dataclass(slots=True)
@@ -146,7 +148,8 @@ class AxisState:
     it. What acted since the last sample is summed up: `count` slots and efforts. `waited` are the
     slots of the interval before, `ramped` those of this one over which a stop's ramp has gone
     already. `end` is the coupling's own state here, and its steps leave the code of a reason to
-    stop in `alarm`, with two numbers for its sentence in `found` and `allowed`.
+    stop in `alarm`, with two numbers for its sentence in `found` and `allowed`. `dead`: its device
+    is in fault.
     """
 
     position: float = 0.0
@@ -188,6 +191,7 @@ class AxisState:
     valid: bool = False
     stopping: bool = False
     wall_owes: bool = False
+    dead: bool = False
     inertia: InertiaState = field(default_factory=InertiaState)
     end: Any = None
 

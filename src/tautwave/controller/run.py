@@ -102,7 +102,8 @@ def check_sample(
 ) -> None:
     """Look at what an exchange brought of an axis; stop for what is broken or missing too often.
 
-    A broken sample, one that is not finite, counts as missing. An impedance axis needs no effort.
+    A broken sample, one that is not finite, counts as missing. An impedance axis needs an effort
+    only where its coupling is `fed` by it, and may lack it as often as a sample.
     """
     s = axes[which]
     if p.senses:
@@ -112,14 +113,18 @@ def check_sample(
     total = m.position
     if not p.impedance:
         total = total + m.effort
-    if m.valid and total - total == 0.0:
+    broken = m.valid and total - total != 0.0
+    usable = m.valid and not broken
+    if usable and p.fed and m.effort - m.effort != 0.0:
+        usable = False
+        broken = s.missing + 1 >= r.missing_limit
+    if usable:
         s.missing = 0
         return
-    if m.valid:
-        m.valid = False
-        if begin_stop(r, o, axes, slot, BROKEN, which, 0):
-            o.first = m.position
-            o.second = m.effort
+    m.valid = False
+    if broken and begin_stop(r, o, axes, slot, BROKEN, which, 0):
+        o.first = m.position
+        o.second = m.effort
     s.missing += 1
     if s.missing == r.missing_limit and o.kind == FINISHED:
         begin_stop(r, o, axes, slot, MISSING, which, s.missing)

@@ -142,8 +142,8 @@ class Steps(NamedTuple):
     `here`: a slot that the loop did not see; `due`: this side was read in this slot. `think`:
     return the resisting effort for the next period [N m or N], where `coast` is its mean velocity
     without it [rad/s or m/s]. `move`: return the velocity of an admittance axis, see
-    `laws.servo.admittance`. `brake`: return what may act of the effort that a stop asks for, or
-    holds where there was no sample [N m or N].
+    `laws.servo.admittance`. `brake`: return what may act of the effort that a stop asks for [N m or
+    N]; without a sample nothing of it acts.
 
     `fill_signals` and `fill_elements` write columns and return the next index. `signals` are the
     names of an axis' columns, `elements(q, p1, p2)` those of a pair's elements, three columns each.

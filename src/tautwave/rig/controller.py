@@ -262,7 +262,9 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
         weight=1.0 if side == "master" else 1.0 / scale.power,
         end=end,
         blind=rig.loop.missing_limit if side in rig.own_sides else NEVER,
-    )._replace(rest_effort=rest_effort(rig, axis_name, end))
+    )._replace(
+        rest_effort=rest_effort(rig, axis_name, end), fed=bool(getattr(end, "measures", False))
+    )
 
 
 def controlled_axis(

@@ -156,6 +156,9 @@ class Control(ABC):
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop on the fault of a device (-1: a bus); return whether that is the first reason."""
+        if which >= 0:
+            self.dead.add(which)
+            self.axes[which].dead = True
         first = begin_stop(self.run, self.state, self.axes, slot, FAULT, which, 0)
         self._complaint = sentence if first else self._complaint
         return first

@@ -310,9 +310,7 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:
-    """Return what may act of a stop's effort: none unseen, none of an overdrawn account."""
-    if not s.valid:
-        return 0.0
+    """Return what may act of a stop's effort: nothing of an overdrawn account."""
     return brake_effort(p.end.account, s.end.account.funds, law_brake(s, p, effort))
 
 

@@ -265,9 +265,7 @@ def name_cause(s: AxisState, k: WaveEndParams) -> None:
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:
-    """Return what may act of a stop's effort: none unseen, none of an overdrawn tank."""
-    if not s.valid:
-        return 0.0
+    """Return what may act of a stop's effort: nothing of an overdrawn tank."""
     return port_brake(p.end.port, s.end.account, effort)
 
 

@@ -236,7 +236,8 @@ def scene_control(
     at = 0
     for name in axes:
         delay = delays[name]
-        params.append(controlled_axis(rig, name, delay, bare_site(rig, name), at))
+        blind = rig.loop.missing_limit
+        params.append(controlled_axis(rig, name, delay, bare_site(rig, name), at, blind=blind))
         at += PIPE * delay.periods
     return SceneControl(
         run_params(rig, cycles, len(axes)),

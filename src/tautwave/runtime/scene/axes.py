@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from tautwave.contracts import Row
 from tautwave.controller.axis import pass_slot, render_axis, start_axis, take_sample
-from tautwave.controller.braking import fade_axis, stop_axis
+from tautwave.controller.braking import miss_axis
 from tautwave.controller.records import FINISHED, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard
@@ -132,13 +132,11 @@ class SceneRun:
             self.ended = self._advance(skipped)
         for s, p, effort in zip(self.axes, self.params, self.efforts, strict=True):
             ceiling = ramp * p.ceiling
-            if self.ended and not s.stopping:
+            ends = self.ended and not s.stopping
+            s.stopping = s.stopping or self.ended != 0
+            s.guard = render_axis(s, p, effort, ceiling) if s.valid else miss_axis(s, p, ceiling)
+            if ends:
                 s.guard = self.ended
-                stop_axis(s, p, ceiling)
-            elif s.valid:
-                s.guard = render_axis(s, p, effort, ceiling)
-            elif s.stopping:
-                fade_axis(s, p, ceiling)
 
     def _advance(self, skipped: int) -> int:
         """Step the network; return 0, or a guard's code with the efforts unchanged.

@@ -17,7 +17,7 @@ import numpy as np
 from tautwave.config import Rig
 from tautwave.contracts import Row
 from tautwave.controller.axis import decide_axis, pass_slot, start_axis, take_sample
-from tautwave.controller.braking import fade_axis
+from tautwave.controller.braking import miss_axis
 from tautwave.controller.records import FINISHED, PIPE, AxisParams, AxisState, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import arm, ramp_share, stop_on_guard
@@ -274,8 +274,8 @@ class ExcitedControl(Control):
                 s.guard = decide_axis(s, p, self._table, m.valid, ramp, SHAKEN.steps)
             elif m.valid:
                 s.guard = guard_axis(p.site.limit, s.position, s.velocity)
-            elif s.stopping:
-                fade_axis(s, p, ramp * p.ceiling)
+            else:
+                s.guard = miss_axis(s, p, ramp * p.ceiling)
         for at in self._order:
             stop_on_guard(r, o, self.axes, slot, at)
         return True
@@ -312,7 +312,8 @@ def excite(rig: Rig, assembly: Assembly, movers: Mapping[str, Mover]) -> Assembl
         site = bare_site(rig, name) if rig.scene is not None else site_params(rig, name)
         spring = movers[name].spring if name in movers else ShakenParams(0.0, 0.0)
         site = site._replace(has_wall=False)
-        params.append(controlled_axis(rig, name, delays[name], site, at, end=spring))
+        blind = rig.loop.missing_limit
+        params.append(controlled_axis(rig, name, delays[name], site, at, end=spring, blind=blind))
         at += PIPE * delays[name].periods
     if rig.scene is None:
         ordered = [f"{side}.{name}" for name in rig.coupling.pairs for side in ("master", "slave")]

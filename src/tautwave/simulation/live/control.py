@@ -93,6 +93,7 @@ class CompiledControl(Control):
         self._filled = view_of(self._row)
         self._impedance = [p.impedance for p in given.params]
         self._all_impedance = all(self._impedance)
+        self._needs_effort = [p.fed or not p.impedance for p in given.params]
         self._wire = given.wire
         self._floats: Any = view_of(tables[7])
         self._fault = self._faulty = -1
@@ -109,12 +110,12 @@ class CompiledControl(Control):
 
     def take_all(self, first: int, measured: Sequence[JointState], slot: int) -> Sequence[int]:
         """Take the samples of a bus, whose first axis is `first`; return which are unusable."""
-        given, impedance = self._given, self._impedance
+        given, needs = self._given, self._needs_effort
         unusable = []
         which = first
         for position, _, effort, valid, _ in measured:
             _put(given, SIZE * which, position, effort, valid, TAKEN)
-            total = position if impedance[which] else position + effort
+            total = position + effort if needs[which] else position
             if not valid or total - total != 0.0:
                 unusable.append(which)
             which += 1
@@ -150,6 +151,8 @@ class CompiledControl(Control):
         """Return the commands of some axes for their driver."""
         after = first + count
         values = self._results[first:after].tolist()
+        if self.dead:
+            return [super(CompiledControl, self).command(which) for which in range(first, after)]
         if self._all_impedance:
             return [_made(AxisCommand, (value, 0.0, NONE)) for value in values]
         return [  # as AxisCommand(...) does, at half the time
@@ -173,6 +176,9 @@ class CompiledControl(Control):
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop in this cycle since a device said so; return whether no reason is known yet."""
+        if which >= 0:
+            self.dead.add(which)
+            self.axes[which].dead = True
         if self._results[self._kind] != FINISHED or self._fault >= 0:
             return False
         self._fault = self._last

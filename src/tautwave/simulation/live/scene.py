@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tautwave.controller.axis import pass_slot, render_axis, take_sample
-from tautwave.controller.braking import fade_axis, stop_axis
+from tautwave.controller.braking import miss_axis
 from tautwave.controller.records import AxisParams, AxisState, RunParams, RunState, Sample
 from tautwave.controller.rows import fill_axis
 from tautwave.controller.run import ramp_share, stop_on_guard
@@ -152,13 +152,14 @@ def step_scene(
         s = axes[ports[port]]
         p = params[ports[port]]
         ceiling = ramp * p.ceiling
-        if c.ended != 0 and not s.stopping:
-            s.guard = c.ended
-            stop_axis(s, p, ceiling)
-        elif s.valid:
+        ends_now = c.ended != 0 and not s.stopping
+        s.stopping = s.stopping or c.ended != 0
+        if s.valid:
             s.guard = render_axis(s, p, ends[port].effort, ceiling)
-        elif s.stopping:
-            fade_axis(s, p, ceiling)
+        else:
+            s.guard = miss_axis(s, p, ceiling)
+        if ends_now:
+            s.guard = c.ended
     for port in range(count):
         stop_on_guard(r, o, axes, slot, ports[port])
     fill_scene(c, params, axes, ends, f, at, ports, start, row, steps)

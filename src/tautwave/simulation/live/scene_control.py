@@ -170,7 +170,7 @@ class CompiledSceneControl(SceneControl):
 
     def command(self, which: int) -> AxisCommand:
         """Return the command of an axis for its driver."""
-        if not self._begun:
+        if not self._begun or which in self.dead:
             return super().command(which)
         value = self._results[which]
         return AxisCommand(value, 0.0) if self._impedance[which] else AxisCommand(0.0, value)
