@@ -141,7 +141,11 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     parts += _columns(load_rig(CONFIGS / "arms" / "planar.yaml", list(FOLLOWING)))
     payloads = ["operate={}", "slave.arm.payloads={box: {mass: 0.3}}"]
     parts += _columns(load_rig(CONFIGS / "arms-loopback.yaml", payloads))
-    parts += [*LINK_COLUMNS, *(f"lever.{name}.absorbed" for name in ALIGNED.values())]
+    parts += [
+        "slave.lever.target",
+        *LINK_COLUMNS,
+        *(f"lever.{name}.absorbed" for name in ALIGNED.values()),
+    ]
     # of elements, the page spells out the three columns of the first only
     plain = {
         re.sub(r"\.(stored|dissipated)$", ".absorbed", part)

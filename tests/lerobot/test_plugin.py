@@ -48,6 +48,7 @@ class Session:
         self.directory, self.rig = out, rig
         self.calls: list[str] = []
         self._number = itertools.count()
+        self.newest: dict[str, float] = {}
         self.begun.append(self)
 
     def __enter__(self) -> Session:
@@ -72,7 +73,8 @@ class Session:
     def lead(self, positions: dict[str, float]) -> None:
         if self.gone:
             raise RecordingError("the run has ended")
-        self.calls.append(f"lead {positions}")
+        self.calls.append("lead")
+        self.led = positions
 
     def row(self, *, whole: bool) -> dict[str, float]:
         assert whole  # a sample that is missing is no observation
@@ -83,7 +85,10 @@ class Session:
             f"{side}.{axis}.{leaf}"
             for side in ("master", "slave") for axis in ("wrist", "slide") for leaf in leaves
         ]  # fmt: skip
-        return {name: number + k / 64.0 for k, name in enumerate(names)}
+        self.newest = {name: number + k / 64.0 for k, name in enumerate(names)} | {
+            f"{axis}.position_error": -0.25 for axis in ("wrist", "slide")
+        }
+        return self.newest
 
 
 def _base(name: str, config: type) -> type:
@@ -250,7 +255,12 @@ def test_a_policy_leads_virtual_hands_of_its_own(
     assert hand.reference.fps == 25.0
     slave.get_observation()
     assert slave.send_action(action) == action
-    assert session.calls[1:] == ["lead {'wrist': 0.25, 'slide': -0.5}"]
+    assert session.calls[1:] == ["lead"]
+    # Actions are in the slave's coordinates; the hands are at the master, wherever it engaged.
+    for pair, ratio, wish in (("wrist", -1.0, 0.25), ("slide", 2.0, -0.5)):
+        ours, theirs = (session.newest[f"{side}.{pair}.position"] for side in ("master", "slave"))
+        offset = theirs - ratio * (ours - session.newest[f"{pair}.position_error"])
+        assert session.led[pair] == pytest.approx((wish - offset) / ratio, abs=1e-12)
     with pytest.raises(ConfigError, match=r"the rig has wrist\.pos"):
         slave.send_action({"elbow.pos": 0.0})
     monkeypatch.setattr(Session, "standing", "holding")

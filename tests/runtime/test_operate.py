@@ -21,7 +21,6 @@ from tautwave.runtime.operate.commands import (
     read_keys,
     read_script,
 )
-from tautwave.runtime.operate.journal import Journal
 from tautwave.runtime.operate.rest.holds import Holds, damping_capital
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 from tests.runtime.sequences import judge, random_day
@@ -355,32 +354,6 @@ def test_an_unknown_word_is_noted_and_the_space_bar_engages_and_lets_go() -> Non
     assert done.control.journal.entries[1].text == (
         "clutch: not possible while holding; possible: engage, rest, stop, scale"
     )
-
-
-def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
-    journal = Journal()
-    assert journal.mark(1.0, "pick the red one") == "episode 1 started"
-    assert journal.running == 1
-    assert journal.mark(2.0, "failed") == "episode 1 ended"
-    journal.mark(3.0, "")
-    one, two = journal.summary(5.0)["episodes"]
-    assert (one["name"], one["task"], one["success"]) == ("pick", "the red one", False)
-    assert (two["name"], two["end_s"], two["success"]) == ("episode-2", 5.0, None)
-
-
-def test_who_presses_the_same_button_as_another_undoes_nothing() -> None:
-    script = "0.1 episode success\n0.2 episode pick\n0.3 episode pick\n0.4 episode failed\n"
-    done = operate(bench(STILL), script + "0.41 episode failed\n0.5 scale 0.5", 0.6)
-    (episode,) = done.control.journal.episodes
-    assert (episode.name, episode.begin_s, episode.end_s, episode.success) == (
-        "pick", 0.2, 0.4, False
-    )  # fmt: skip
-    assert [one.text for one in done.control.journal.entries if one.refused] == [
-        "episode success: no episode is running",
-        "episode 1 is running; end it first, with success or failed",
-        "episode failed: no episode is running",
-        "scale: this rig has no other scales; list them in operate.scales",
-    ]
 
 
 def test_an_effort_sensor_that_friction_cannot_balance_blocks_an_alignment(

@@ -65,17 +65,17 @@ class TautwaveSlave(_InRun, Robot):
     @property
     def observation_features(self) -> dict[str, type]:
         """Names of the observation."""
-        return dict.fromkeys(self._state.values(), float)
+        return dict.fromkeys([one.name for one in self._state], float)
 
     @property
     def action_features(self) -> dict[str, type]:
-        """Names of an action: what the master gives."""
-        return dict.fromkeys(self._site.signals().action.values(), float)
+        """Names of an action: where the master asks the slave to be."""
+        return dict.fromkeys([one.name for one in self._site.signals().action], float)
 
     def get_observation(self) -> dict[str, float]:
         """Return what the slave measured in one cycle, the same as the next action's."""
         row = self._site.row(self.name)
-        return {name: row[column] for column, name in self._state.items()}
+        return {one.name: one.of(row) for one in self._state}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """Lead the virtual hands of a rig that a policy drives.
@@ -90,7 +90,7 @@ class TautwaveSlave(_InRun, Robot):
 
 
 class TautwaveMaster(_InRun, Teleoperator):
-    """The master: an action is where the operator holds it, SI units.
+    """The master: an action is where it asks the slave to be, in the slave's coordinates, SI units.
 
     Force comes back by the rig's own controller. `feedback_features` is empty on purpose: LeRobot
     would take others for positions to which it may drive the master.
@@ -108,7 +108,7 @@ class TautwaveMaster(_InRun, Teleoperator):
     @property
     def action_features(self) -> dict[str, type]:
         """Names of an action."""
-        return dict.fromkeys(self._action.values(), float)
+        return dict.fromkeys([one.name for one in self._action], float)
 
     @property
     def feedback_features(self) -> dict[str, type]:
@@ -116,9 +116,9 @@ class TautwaveMaster(_InRun, Teleoperator):
         return {}
 
     def get_action(self) -> dict[str, float]:
-        """Return where the master was, in the cycle of the last observation."""
+        """Return where the slave was asked to be, in the cycle of the last observation."""
         row = self._site.row(self.name)
-        return self._site.lead({name: row[column] for column, name in self._action.items()})
+        return self._site.lead({one.name: one.of(row) for one in self._action})
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Nothing: forces do not pass through LeRobot."""

@@ -11,7 +11,8 @@ from lerobot.utils.errors import DeviceNotConnectedError
 
 from tautwave import ConfigError, Session, TautwaveError, load_rig
 from tautwave.errors import RecordingError
-from tautwave.report.export.lerobot import Signals, signals
+from tautwave.report.export.signals import Signals, signals
+from tautwave.rig import pair_scale
 from tautwave.rig.led import led_by_policy
 
 STALE_S = 0.05
@@ -69,11 +70,13 @@ class Site:
     def signals(self) -> Signals:
         """Return what is action and what observation, and the names of both."""
         axes: dict[str, Mapping[str, Any]] = {
-            f"{side}.{name}": axis.model_dump(include={"kind", "causality"})
+            f"{side}.{name}": axis.model_dump(include={"kind", "causality", "follower"})
             for side in ("master", "slave")
             for name, axis in getattr(self.rig, side).axes.items()
         }
-        return signals(self.rig.name, axes, velocities=False)
+        scales = {name: pair_scale(keys) for name, keys in self.rig.coupling.pairs.items()}
+        ratios = {name: scale.sign * scale.scale for name, scale in scales.items()}
+        return signals(self.rig.name, axes, ratios, velocities=False)
 
     def joined(self, who: str) -> bool:
         """Return whether a device has joined."""
@@ -140,7 +143,7 @@ class Site:
         return action
 
     def drive(self, action: Mapping[str, Any]) -> None:
-        """Send an action of a policy to the virtual hands.
+        """Send an action of a policy, in the slave's coordinates, to the virtual hands.
 
         Raises
         ------
@@ -154,17 +157,23 @@ class Site:
             raise DeviceNotConnectedError(
                 f"{self.path}: no run is in progress, so an action has no effect"
             )
-        names = {name: column.split(".")[1] for column, name in self.signals().action.items()}
-        unknown = [name for name in action if name not in names]
+        known = {one.name: one for one in self.signals().action}
+        unknown = [name for name in action if name not in known]
         if unknown:
-            raise ConfigError(f"action {unknown[0]}: the rig has {', '.join(names)}")
+            raise ConfigError(f"action {unknown[0]}: the rig has {', '.join(known)}")
         if (state := session.state) != "engaged":
             raise DeviceNotConnectedError(
                 f"{self.path}: {state}, not engaged: three frames passed without an action, or a "
                 f"guard or a user disengaged it; see the report in {session.directory}"
             )
         try:
-            session.lead({names[name]: float(value) for name, value in action.items()})
+            row = session.row(whole=True)
+            session.lead(
+                {
+                    known[name].pair: known[name].master_of(float(value), row)
+                    for name, value in action.items()
+                }
+            )
         except RecordingError as err:
             raise DeviceNotConnectedError(str(err)) from err
 

@@ -124,6 +124,11 @@ SECTIONS = {
             "µs",
             "CANopen, Modbus: from SYNC or request to the response; NaN if none arrived",
         ),
+        Column(
+            "slave.AXIS.target",
+            "rad, m",
+            "added by `export`: where the pair wants the slave, in the slave's coordinates",
+        ),
     ),
     "One of two sites": (
         Column("link.session", "", "number of the session, from 1 on"),

@@ -35,7 +35,8 @@ from tautwave.kinds import RECORDING, RUN
 @click.option(
     "--missing",
     type=click.Choice(["refuse", "cut"]),
-    help="LeRobot: how to treat frames with a missing sample; default: refuse.",
+    help="LeRobot: how to treat frames with a missing sample and episodes with less than 1 s; "
+    "default: refuse.",
 )
 @click.option("--no-video", is_flag=True, help="LeRobot: omit the camera images.")
 @out_option("Output directory; default: export in DIR. For a dataset it must not exist.")
@@ -74,21 +75,13 @@ def export(
             raise click.UsageError(
                 "several runs are combined into one dataset: give its directory with --out DIR"
             )
-        from tautwave.report.export.lerobot import export_dataset
+        from tautwave.report.export.lerobot import Choice, export_dataset
 
         where = _beside(directories[0]) if out is None else out
-        cut = missing == "cut"
-        click.echo(
-            export_dataset(
-                directories,
-                where,
-                fps or 30,
-                task,
-                velocities=velocities,
-                cut=cut,
-                video=not no_video,
-            )
+        choice = Choice(
+            fps or 30, task, velocities=velocities, cut=missing == "cut", video=not no_video
         )
+        click.echo(export_dataset(directories, where, choice))
         _tell_losses(directories)
         return
     if given:

@@ -16,6 +16,7 @@ from tautwave.errors import ConfigError, RecordingError
 from tautwave.recordings.recording import read_recording
 from tautwave.report.columns import unit_of
 from tautwave.report.run.rundir import SIDES, block
+from tautwave.report.units import number
 
 EPISODE = "operation.episode"
 
@@ -74,16 +75,33 @@ def _summary(path: Path) -> dict[int, dict[str, Any]]:
         return {}
 
 
+def _rig(attachments: Mapping[str, bytes]) -> Any:
+    """Return the rig in a recording as it was resolved, {} without a readable one."""
+    try:
+        text = attachments.get("rig.yaml", b"").decode("utf-8")
+        return open_document(text, "rig.yaml", Path()).value if text else {}
+    except (UnicodeDecodeError, ConfigError):
+        return {}
+
+
+def pair_ratios(attachments: Mapping[str, bytes]) -> dict[str, float]:
+    """Return slave motion per master motion of each pair, with its sign, at the scale 1."""
+    rig = _rig(attachments)
+    found = {}
+    for name in block(rig, "coupling", "pairs"):
+        keys = block(rig, "coupling", "pairs", name)
+        scale, sign = number(keys.get("position_scale", 1.0)), number(keys.get("sign", 1))
+        if scale is not None and sign is not None:
+            found[str(name)] = sign * scale
+    return found
+
+
 def axis_blocks(attachments: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
     """Return the rig's block of each axis by its full name, such as `master.lever`.
 
     Empty without a readable rig in the recording.
     """
-    try:
-        text = attachments.get("rig.yaml", b"").decode("utf-8")
-        rig = open_document(text, "rig.yaml", Path()).value if text else {}
-    except (UnicodeDecodeError, ConfigError):
-        return {}
+    rig = _rig(attachments)
     return {
         f"{side}.{name}": axis
         for side in SIDES

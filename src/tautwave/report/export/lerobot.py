@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,74 +20,58 @@ from tautwave.errors import ConfigError, RecordingError
 from tautwave.files import make_directory, write_text, writing
 from tautwave.recordings.cameras import camera_names, refuse_others
 from tautwave.recordings.recording import Recording, read_recording
-from tautwave.report.export.episodes import Episode, axis_blocks, episodes
+from tautwave.report.export.episodes import Episode, axis_blocks, episodes, pair_ratios
 from tautwave.report.export.lerobot_files import Dataset, Frames
 from tautwave.report.export.lerobot_video import Camera
+from tautwave.report.export.signals import LEADER, SCALE, STATE, Signals, engaged, signals
 from tautwave.report.units import plural
 
 SLACK_S = 1e-9
 """[s] A row this much after its frame is at the frame: times are rounded."""
 OLDEST_S = 0.05
 """[s] A row that is older than this, or than a frame, is none of that frame."""
-EFFORT = {"rotary": "torque", "linear": "force"}
+SHORTEST_S = 1.0
+"""[s] An episode with fewer frames is no demonstration."""
 
 
-class Signals(NamedTuple):
-    """Columns that become action and observation, the names a dataset has for them, cameras.
+class Choice(NamedTuple):
+    """How a dataset is made: frames a second, task of episodes that name none, what is cut."""
 
-    `valid` are columns that are 0 where an axis had no sample, and others keep what was before.
-    """
-
-    robot: str
-    action: dict[str, str]
-    state: dict[str, str]
-    units: dict[str, str]
-    valid: tuple[str, ...]
-    cameras: tuple[str, ...] = ()
+    fps: int
+    task: str | None
+    velocities: bool
+    cut: bool
+    video: bool
 
 
-def signals(robot: str, axes: Mapping[str, Mapping[str, Any]], velocities: bool) -> Signals:
-    """Return what an operator did, and what the slave felt: all axes of a rig.
+class LeftOut(NamedTuple):
+    """What a dataset leaves out: frames by their reason, and episodes."""
 
-    The master's positions are the action (with `velocities` these too), position, velocity and
-    effort of the slave's motors the observation. Effort is what the slave was commanded, on an
-    admittance axis what it measured.
+    missing: int = 0
+    outside: int = 0
+    failed: int = 0
+    short: int = 0
 
-    Parameters
-    ----------
-    robot : str
-        The rig's name.
-    axes : mapping
-        `kind` and `causality` of each axis by its full name, such as `master.lever`.
-    velocities : bool
-        Whether the master's are part of the action.
-    """
-    action: dict[str, str] = {}
-    state: dict[str, str] = {}
-    units: dict[str, str] = {}
-    for axis, block in axes.items():
-        side, _, name = axis.partition(".")
-        linear = block.get("kind") == "linear"
-        effort = "measured_effort" if block.get("causality") == "admittance" else "commanded"
-        picked = {f"{axis}.position": f"{name}.pos"}
-        if side == "slave" or velocities:
-            picked[f"{axis}.velocity"] = f"{name}.vel"
-        if side == "slave":
-            picked[f"{axis}.{effort}"] = f"{name}.{EFFORT['linear' if linear else 'rotary']}"
-        (action if side == "master" else state).update(picked)
-        length = "m" if linear else "rad"
-        named = {"pos": length, "vel": f"{length}/s", "torque": "N m", "force": "N"}
-        for column, name in picked.items():
-            units[column] = named[name.rpartition(".")[2]]
-    return Signals(robot, action, state, units, tuple(f"{axis}.valid" for axis in axes))
+    def plus(self, **more: int) -> LeftOut:
+        """Return it with more of some."""
+        return self._replace(**{name: getattr(self, name) + n for name, n in more.items()})
+
+    def __str__(self) -> str:
+        each = (
+            (self.missing, "frame", "without a sample"),
+            (self.outside, "frame", "outside `engaged`"),
+            (self.failed, "failed episode", ""),
+            (self.short, "episode", f"shorter than {SHORTEST_S:g} s"),
+        )
+        parts = [f"{plural(n, noun)} {why}".strip() for n, noun, why in each if n]
+        return f"{', '.join(parts)} left out" if parts else ""
 
 
 def _recorded(recording: Recording, velocities: bool) -> Signals:
     """Return the signals of a recording; raise `RecordingError` where it lacks one."""
-    axes = axis_blocks(recording.attachments)
-    found = signals(recording.metadata.get("rig", "tautwave"), axes, velocities)
-    needed = (*found.action, *found.state, *found.valid)
-    lacking = [one for one in needed if one not in recording.columns]
+    axes, ratios = axis_blocks(recording.attachments), pair_ratios(recording.attachments)
+    found = signals(recording.metadata.get("rig", "tautwave"), axes, ratios, velocities)
+    lacking = [one for one in found.columns if one not in recording.columns]
     if not found.action or not found.state or lacking:
         what = f"column {lacking[0]}" if lacking else "both sides' axes in a rig file of its own"
         raise RecordingError(
@@ -119,19 +103,11 @@ def frame_rows(
     return newest, at - times[newest] < oldest - SLACK_S
 
 
-def export_dataset(
-    runs: Sequence[Path],
-    out: Path,
-    fps: int,
-    task: str | None = None,
-    *,
-    velocities: bool = False,
-    cut: bool = False,
-    video: bool = True,
-) -> str:
+def export_dataset(runs: Sequence[Path], out: Path, choice: Choice) -> str:
     """Write the episodes of runs as one dataset, and return a sentence that counts.
 
-    A run without episodes is one.
+    A run without episodes is one. Frames while the rig is not engaged, and failed episodes, are
+    left out.
 
     Parameters
     ----------
@@ -139,114 +115,136 @@ def export_dataset(
         Directories of runs whose axes are alike.
     out : Path
         Must not exist.
-    fps : int
-        Frames a second, at most the rate of the runs.
-    task : str, optional
-        What was done, for episodes whose mark does not say.
-    velocities : bool
-        Whether the master's velocities are part of the action.
-    cut : bool
-        Leave out frames that miss a sample or a picture, instead of refusing.
-    video : bool
-        Whether pictures of the runs' cameras are part of it.
+    choice : Choice
+        Its `fps` is at most the rate of the runs. With `cut`, frames that miss a sample or a
+        picture are left out, and episodes that are too short then, instead of refusing.
 
     Raises
     ------
     ConfigError
         `out` exists, fps is too high, or an episode has no task; or pyarrow is not installed.
     RecordingError
-        A run cannot be read, misses samples, or has other axes than the first.
+        A run cannot be read, misses samples, or has other axes than the first; an episode is
+        too short, or none is left.
     WritingError
         Something cannot be written.
     """
     if out.exists():
         raise ConfigError(f"{out} exists; a dataset is written to a new directory: choose --out")
-    wanted, origins = _plan(runs, fps, velocities, video)
+    plans, origins = _plan(runs, choice)
     draft = out.with_name(f"{out.name}.part")
     if draft.exists():
         raise ConfigError(f"{draft} exists, left by an export that was killed; remove it first")
     make_directory(draft)
     try:
-        dataset = Dataset(draft, fps, wanted.robot, wanted.action, wanted.state, wanted.cameras)
-        for run in runs:
-            for frames in _episodes_of(run, wanted, fps, task, cut):
-                dataset.add(frames)
-        dataset.close()
-        write_text(draft / "README.md", _card(origins, wanted, fps, dataset.cut))
+        first = plans[0]
+        names = {key: [one.name for one in each] for key, each in first.features.items()}
+        dataset = Dataset(draft, choice.fps, first.robot, names, first.cameras)
+        left = LeftOut()
+        for run, wanted in zip(runs, plans, strict=True):
+            for frames, cut in _episodes_of(run, wanted, choice):
+                left = left.plus(**cut)
+                if frames is not None:
+                    dataset.add(frames)
+        _close(dataset, left)
+        write_text(draft / "README.md", _card(origins, first, choice.fps, left))
         with writing(out):
             draft.rename(out)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
-    left = f", {plural(dataset.cut, 'frame')} without a sample left out" if dataset.cut else ""
     counted = f"{plural(dataset.episodes, 'episode')}, {plural(dataset.frames, 'frame')}"
-    return f"{out}: {counted} at {fps} fps{left}"
+    return ", ".join(filter(None, [f"{out}: {counted} at {choice.fps} fps", str(left)]))
+
+
+def _close(dataset: Dataset, left: LeftOut) -> None:
+    """Complete a dataset; one without any episode is none."""
+    if not dataset.episodes:
+        raise RecordingError(f"no episode is left for a dataset: {left}")
+    dataset.close()
 
 
 def _episodes_of(
-    run: Path, wanted: Signals, fps: int, task: str | None, cut: bool
-) -> Iterator[Frames]:
+    run: Path, wanted: Signals, choice: Choice
+) -> Iterator[tuple[Frames | None, dict[str, int]]]:
+    """Give the frames of each episode, None of one that is left out, and what is."""
     cameras = [Camera.of_run(run, name) for name in wanted.cameras]
-    columns = ["time_s", *wanted.action, *wanted.state, *wanted.valid]
-    split, end = len(wanted.action), len(wanted.action) + len(wanted.state)
+    recorded = read_recording(run, rows=slice(0, 1)).columns
+    columns = [*wanted.columns, *(one for one in (STATE, SCALE) if one in recorded)]
     for episode in episodes(run):
-        rows = read_recording(run, columns, rows=episode.rows)
-        text = episode.task or task
+        if episode.success is False:
+            yield None, {"failed": 1}
+            continue
+        text = episode.task or choice.task
         if not text:
             raise ConfigError(
                 f"{run}: {_name(episode)} has no task; say what was done with --task TEXT"
             )
-        taken, recent = frame_rows(rows.time_s, fps, 1.0 / float(rows.metadata["rate_hz"]))
-        data = rows.data[taken, 1:]
-        whole = recent & np.all(np.isfinite(data), axis=1) & np.all(data[:, end:] != 0.0, axis=1)
-        also = " or a picture" if cameras else ""
+        rows = read_recording(run, ["time_s", *columns], rows=episode.rows)
+        taken, recent = frame_rows(rows.time_s, choice.fps, 1.0 / float(rows.metadata["rate_hz"]))
+        row = {name: rows[name][taken] for name in columns}
+        held = engaged(row[STATE]) if STATE in row else np.ones(len(taken), bool)
+        finite = np.all([np.isfinite(row[name]) for name in wanted.columns], axis=0)
+        valid = np.all([row[name] != 0.0 for name in wanted.valid], axis=0)
+        whole = recent & finite & valid
         filmed = [camera.numbers(rows.time_s[taken]) for camera in cameras]
         for seen in filmed:
             whole &= seen >= 0
-        missing = len(data) - int(np.count_nonzero(whole))
-        if missing and not cut:
+        kept = whole & held
+        cut = {
+            "outside": int(np.count_nonzero(~held)), "missing": int(np.count_nonzero(held & ~whole))
+        }  # fmt: skip
+        if cut["missing"] and not choice.cut:
+            also = " or a picture" if cameras else ""
             raise RecordingError(
-                f"{run}: {missing} of {len(data)} frames of {_name(episode)} miss a sample{also}, "
-                "and a held value would be invented; --missing cut leaves these frames out"
+                f"{run}: {cut['missing']} of {len(taken)} frames of {_name(episode)} miss a "
+                f"sample{also}, and a held value would be invented; --missing cut leaves these "
+                "frames out"
             )
-        if not whole.any():
-            raise RecordingError(f"{run}: {_name(episode)} has no frame with all samples")
-        kept = data[whole, :end].astype(np.float32)
+        if (count := int(np.count_nonzero(kept))) < SHORTEST_S * choice.fps:
+            if not choice.cut:
+                raise RecordingError(
+                    f"{run}: {_name(episode)} has {count / choice.fps:.3g} s of "
+                    f"{len(taken) / choice.fps:.3g} s in which the rig was engaged, and a dataset "
+                    f"needs {SHORTEST_S:g} s; --missing cut leaves such episodes out"
+                )
+            yield None, {"short": 1}
+            continue
         pictures = {
-            camera.name: camera.jpegs(seen[whole].tolist())
+            camera.name: camera.jpegs(seen[kept].tolist())
             for camera, seen in zip(cameras, filmed, strict=True)
         }
-        yield Frames(kept[:, :split], kept[:, split:], text, missing, pictures)
+        values = {
+            key: np.stack([one.of(row)[kept] for one in each], axis=1).astype(np.float32)
+            for key, each in wanted.features.items()
+        }
+        yield Frames(values, text, pictures), cut
 
 
 def _name(episode: Episode) -> str:
     return f"episode {episode.name}" if episode.number else "the run"
 
 
-def _plan(
-    runs: Sequence[Path], fps: int, velocities: bool, video: bool
-) -> tuple[Signals, list[str]]:
-    """Return what all runs have alike, and a line on the origin of each."""
-    first: Signals | None = None
+def _plan(runs: Sequence[Path], choice: Choice) -> tuple[list[Signals], list[str]]:
+    """Return the signals of each run, whose names are alike, and a line on the origin of each."""
+    plans: list[Signals] = []
     origins = []
     for run in runs:
         head = read_recording(run, rows=slice(0, 1))
-        wanted = _recorded(head, velocities)
-        if video and run.is_dir():
+        wanted = _recorded(head, choice.velocities)
+        if choice.video and run.is_dir():
             refuse_others(run, float(head.time_s[0]))
-        wanted = wanted._replace(cameras=camera_names(run) if video else ())
-        first = first or wanted
-        if wanted != first:
+        plans.append(wanted._replace(cameras=camera_names(run) if choice.video else ()))
+        if not plans[-1].alike(plans[0]):
             raise RecordingError(
                 f"{run}: its rig, axes, units or cameras are not those of {runs[0]}; a dataset "
                 "has one robot"
             )
         rate = float(head.metadata.get("rate_hz", "nan"))
-        if not fps <= rate:
+        if not choice.fps <= rate:
             raise ConfigError(f"{run}: recorded at {rate:g} Hz, so at most --fps {int(rate)}")
         origins.append(_origin(run, head))
-    assert first is not None
-    return first, origins
+    return plans, origins
 
 
 def _origin(run: Path, head: Recording) -> str:
@@ -255,20 +253,23 @@ def _origin(run: Path, head: Recording) -> str:
     return f"- `{run.name}`: rig {head.metadata.get('rig', '')} (sha256 {rig}), tautwave {version}"
 
 
-def _card(origins: Sequence[str], picked: Signals, fps: int, cut: int) -> str:
+def _card(origins: Sequence[str], picked: Signals, fps: int, left: LeftOut) -> str:
     lines = [
-        f"| {feature} | `{name}` | `{column}` | {picked.units[column]} |"
-        for feature, columns in (("action", picked.action), ("observation.state", picked.state))
-        for column, name in columns.items()
+        f"| {feature} | `{one.name}` | {one} | {one.unit} |"
+        for feature, signals in picked.features.items()
+        for one in signals
     ]
-    left = f" {cut} frames without a sample were left out." if cut else ""
+    cut = f"\nOf the recordings, {left}: frames on either side of a cut follow each other."
+    note = cut if str(left) else ""
     return f"""# Demonstrations recorded with tautwave
 
-Action: the master's axes. Observation: position, velocity and effort of the slave's. Both are of
-one control cycle: the newest one not after k / {fps} s.{left} The force between hand and task is
-not part of an action; it is in the recordings.
+Action: what each axis of the slave was asked to be, in the slave's coordinates: (master - offset) x
+position_scale x sign, with the offset of that engagement and the live scale; a replay commands it.
+Observation: position, velocity and effort of the slave's axes. `{LEADER}`: the master's axes, in
+its own coordinates. All are of one control cycle: the newest one not after k / {fps} s.{note}
+The force between hand and task is not part of an action; it is in the recordings.
 
-| feature | name | column of the recording | unit |
+| feature | name | of the recording's columns | unit |
 | --- | --- | --- | --- |
 {chr(10).join(lines)}
 

@@ -32,15 +32,13 @@ Floats = npt.NDArray[np.float32]
 
 
 class Frames(NamedTuple):
-    """An episode: action and observation, shape (frames, signals); how many were left out.
+    """An episode: values of each feature, shape (frames, signals), and what was done.
 
     `pictures` are a JPEG for each frame, by camera.
     """
 
-    action: Floats
-    state: Floats
+    values: Mapping[str, Floats]
     task: str
-    cut: int
     pictures: Mapping[str, Iterator[bytes]]
 
 
@@ -55,8 +53,8 @@ class Dataset:
         Frames a second.
     robot : str
         Name of the robot.
-    action, state : mapping
-        Whose values are the names of the signals.
+    names : mapping
+        The names of the signals of each feature.
     cameras : sequence of str
         Their names.
     """
@@ -66,15 +64,14 @@ class Dataset:
         root: Path,
         fps: int,
         robot: str,
-        action: Mapping[str, str],
-        state: Mapping[str, str],
+        names: Mapping[str, Sequence[str]],
         cameras: Sequence[str] = (),
     ) -> None:
         self._arrow, self._parquet = _pyarrow()
         self._root, self._fps, self._robot = root, fps, robot
         self._features: dict[str, dict[str, Any]] = {
-            key: {"dtype": "float32", "shape": [len(names)], "names": list(names.values())}
-            for key, names in (("action", action), ("observation.state", state))
+            key: {"dtype": "float32", "shape": [len(each)], "names": list(each)}
+            for key, each in names.items()
         } | {key: {"dtype": kind, "shape": [1], "names": None} for key, kind in OWN.items()}
         self._videos = {name: Video(root, f"observation.images.{name}", fps) for name in cameras}
         self._schema = self._make_schema()
@@ -83,7 +80,7 @@ class Dataset:
         self._tasks: dict[str, int] = {}
         self._rows: list[dict[str, Any]] = []
         self._all: list[dict[str, npt.NDArray[Any]]] = []
-        self.frames, self.cut = 0, 0
+        self.frames = 0
 
     @property
     def episodes(self) -> int:
@@ -92,12 +89,11 @@ class Dataset:
 
     def add(self, episode: Frames) -> None:
         """Write an episode."""
-        count, number = len(episode.action), len(self._rows)
+        count, number = len(episode.values["action"]), len(self._rows)
         task = self._tasks.setdefault(episode.task, len(self._tasks))
         frame = np.arange(count)
         data: dict[str, npt.NDArray[Any]] = {
-            "action": episode.action,
-            "observation.state": episode.state,
+            **episode.values,
             "timestamp": (frame / self._fps).astype(np.float32),
             "frame_index": frame,
             "episode_index": np.full(count, number),
@@ -121,7 +117,6 @@ class Dataset:
         )  # fmt: skip
         self._all.append(data)
         self.frames += count
-        self.cut += episode.cut
 
     def _filmed(self, episode: Frames, count: int) -> dict[str, Any]:
         """Append its pictures to the videos, and return what its row says of them."""

@@ -1,4 +1,8 @@
-"""A run as tables, one file an episode: CSV, Parquet, NumPy's npz or MATLAB's mat. SI units."""
+"""A run as tables, one file an episode: CSV, Parquet, NumPy's npz or MATLAB's mat. SI units.
+
+Beside what was recorded, `slave.AXIS.target` is where each pair wanted its slave, in the slave's
+coordinates: those of the master change at each clutch.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import io
 import itertools
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +21,8 @@ import numpy as np
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_bytes, write_text
 from tautwave.recordings.recording import Recording, read_recording
-from tautwave.report.export.episodes import episodes, units
+from tautwave.report.export.episodes import axis_blocks, episodes, pair_ratios, units
+from tautwave.report.export.signals import SCALE, STATE, Signal, engaged, targets
 
 BLOCK = 1 << 14
 """Rows that are in memory at once, of a format that grows."""
@@ -24,7 +30,7 @@ LARGEST_MAT = 2**32 - 2**20
 """Bytes; a structure states its length in 32 bits."""
 LONGEST = 58
 """Characters of a field in MATLAB that is not numbered: of 63, with room for a number."""
-INDEX = ("file", "number", "name", "task", "success", "begin_s", "end_s", "rows")
+INDEX = ("file", "number", "name", "task", "success", "begin_s", "end_s", "rows", "engaged_rows")
 
 
 def export_tables(
@@ -32,7 +38,8 @@ def export_tables(
 ) -> list[Path]:
     """Write the episodes of a run into `out`, and `episodes.csv`, which lists them.
 
-    A run without episodes is one file, `run`. `time_s` and all other columns are as recorded.
+    A run without episodes is one file, `run`. `time_s` and all other columns are as recorded;
+    `slave.AXIS.target` is added.
 
     Parameters
     ----------
@@ -67,17 +74,27 @@ def export_tables(
     there = next(filter(Path.exists, paths), None)
     if there is not None:
         raise ConfigError(f"{there} exists; choose another --out, or remove it first")
-    read_recording(directory, columns, rows=slice(0, 1))  # an unknown column leaves no directory
+    head = read_recording(directory, rows=slice(0, 1))
+    axes, ratios = axis_blocks(head.attachments), pair_ratios(head.attachments)
+    added = {one.name: one for one in targets(axes, ratios, head.columns)}
+    wanted = [*head.columns, *added] if columns is None else columns
+    scale = [name for name in head.columns if name == SCALE]
+    begun = _Rows(directory, wanted, added, scale, 0, 1)
+    begun.all()  # an unknown column leaves no directory
     make_directory(out)
     written, lines = [], []
+    ends = ["time_s", *([STATE] if STATE in head.columns else [])]
     for episode, path in zip(found, paths, strict=True):
-        times = read_recording(directory, ["time_s"], rows=episode.rows).time_s
-        write_bytes(path, content(_Rows(directory, columns, episode.rows.start or 0, len(times))))
+        marks = read_recording(directory, ends, rows=episode.rows)
+        times = marks.time_s
+        held = np.count_nonzero(engaged(marks[STATE])) if STATE in marks else ""
+        rows = begun._replace(begin=episode.rows.start or 0, length=len(times))
+        write_bytes(path, content(rows))
         written.append(path)
         success = "" if episode.success is None else str(episode.success).lower()
-        ends = [f"{times[0]:.9g}", f"{times[-1]:.9g}"] if len(times) else ["", ""]
+        between = [f"{times[0]:.9g}", f"{times[-1]:.9g}"] if len(times) else ["", ""]
         named = [path.name, episode.number, episode.name, episode.task]
-        lines.append([*named, success, *ends, len(times)])
+        lines.append([*named, success, *between, len(times), held])
     index = io.StringIO()
     csv.writer(index, lineterminator="\n").writerows([INDEX, *lines])
     write_text(out / "episodes.csv", index.getvalue())
@@ -85,10 +102,15 @@ def export_tables(
 
 
 class _Rows(NamedTuple):
-    """Rows of an episode, read when they are asked for: all columns of an hour are gigabytes."""
+    """Rows of an episode, read when they are asked for: all columns of an hour are gigabytes.
+
+    `added` are columns that a recording has not, `scale` is the column of the live scale, if any.
+    """
 
     directory: Path
-    columns: Sequence[str] | None
+    columns: Sequence[str]
+    added: Mapping[str, Signal]
+    scale: Sequence[str]
     begin: int
     length: int
 
@@ -103,7 +125,17 @@ class _Rows(NamedTuple):
 
     def _read(self, begin: int, end: int) -> Recording:
         rows = slice(self.begin + begin, self.begin + end)
-        return read_recording(self.directory, self.columns, rows=rows)
+        made = [self.added[name] for name in self.columns if name in self.added]
+        if not made:
+            return read_recording(self.directory, self.columns, rows=rows)
+        plain = [name for name in self.columns if name not in self.added]
+        more = [column for one in made for column in one.columns]
+        needed = tuple(dict.fromkeys([*plain, *more, *self.scale]))
+        found = read_recording(self.directory, needed, rows=rows)
+        row = {name: found[name] for name in found.columns}
+        row |= {one.name: one.of(row) for one in made}
+        data = np.array([row[name] for name in self.columns]).T
+        return replace(found, columns=tuple(self.columns), data=data)
 
 
 def _csv(episode: _Rows) -> Iterator[bytes]:

@@ -6,6 +6,8 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from tautwave.runtime.operate.states import ENGAGED
+
 NEWEST = 6
 """Entries that viewers get; more come only faster than anyone reads."""
 
@@ -76,16 +78,19 @@ class Journal:
             del self._newest[0]
         self.tell(text)
 
-    def misplaced(self, argument: str) -> str:
-        """Say why an episode is neither begun nor ended by `argument`, '' if it is.
+    def misplaced(self, argument: str, state: str) -> str:
+        """Say why an episode is neither begun nor ended by `argument` in a state, '' if it is.
 
         Two people may press the same button: the second one must not undo what the first one did.
+        Outside `engaged` the slave does not follow, so nothing can be demonstrated.
         """
         verdict = argument in VERDICTS
         if verdict and not self.running:
             return f"episode {argument}: no episode is running"
         if argument and not verdict and self.running:
             return f"episode {self.running} is running; end it first, with success or failed"
+        if not self.running and state != ENGAGED:
+            return f"episode: the rig is {state}, so the slave does not follow; engage it first"
         return ""
 
     def mark(self, at_s: float, argument: str) -> str:

@@ -170,7 +170,7 @@ class OperatedControl(CoupledControl):
             self._note(word[:40], order.source, unknown(word), refused=True)
             return
         self._command = WORDS.index(word) + 1
-        if word == EPISODE and (why := self.journal.misplaced(order.argument)):
+        if word == EPISODE and (why := self.journal.misplaced(order.argument, self.standing.state)):
             self._note(word, order.source, why, refused=True)
         elif word == EPISODE:
             self._note(word, order.source, self.journal.mark(self._seconds(), order.argument))

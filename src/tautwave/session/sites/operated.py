@@ -152,7 +152,7 @@ class OperatedSite(SiteControl):
                 "to change in the same slot"
             )
         if word == EPISODE:
-            return self.journal.misplaced(argument)
+            return self.journal.misplaced(argument, self.standing.state)
         resets = word == st.REST and self._suspect
         if not resets and st.follow(self.standing, word) is None:
             return st.refusal(self.standing, word)
