@@ -106,6 +106,10 @@ class LoopbackDriver:
         self._clock = clock
         self._taken = [_taken(spec) for _, spec in zip(self._world.axes, bus.axes, strict=False)]
         self._enabled = False
+        # The devices are in this process: they stop with it.
+        self.watchdog_s: dict[str, float] = {}
+        self.unwatched: dict[str, str] = {}
+        self.unconfirmed: dict[str, str] = {}
         period = 1.0 / bus.rate_hz
         delay = options.command_delay_s
         if bus.divisor > 1:

@@ -38,10 +38,10 @@ class AxisSpec(NamedTuple):
 class BusSpec(NamedTuple):
     """What a driver needs to know about its bus: axes, rate and permissions.
 
-    `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: accept a device without a
-    watchdog; `configure`: write lasting settings into devices where they differ. With a `divisor`
-    above 1 `read` and `write` come in the last cycle before the next request, not in that of the
-    request: a command acts at least one bus period after the sample.
+    `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: accept devices without a
+    watchdog; `configure`: write lasting settings where they differ. With a `divisor` above 1 `read`
+    and `write` come in the last cycle before the next request: a command acts at least one bus
+    period after the sample.
     """
 
     name: str
@@ -69,7 +69,6 @@ class Clock(Protocol):
     """Time of the loop, in ns. Drivers wait only through `wait`."""
 
     def now_ns(self) -> int: ...
-
     def sleep_until(self, deadline_ns: int) -> None: ...
 
     def wait(self, transport: Any, deadline_ns: int) -> bool:
@@ -122,11 +121,24 @@ class Driver(Protocol):
 
     A driver may also be a `RowSource`, whose columns are recorded, and have `notes`, sentences on
     what `open` found. `poll()`, if any, is called between `request` and `read` on a bus with a
-    divisor. `dead_man`: `name` and `held()` of inputs held while engaged. `identities`: by axis.
+    divisor. `dead_man`: `name` and `held()` of inputs held while engaged. `identities`: by axis, as
+    are (or by joint behind it) the three on watchdogs: before `open` as the options have them.
     """
 
     command_delay: CommandDelay
     """Time from a sample until the resulting command acts, in periods of the bus."""
+
+    @property
+    def watchdog_s(self) -> Mapping[str, float]:
+        """[s] Silence of the host after which a device acts by itself; absent: it never does."""
+
+    @property
+    def unwatched(self) -> Mapping[str, str]:
+        """What it does when the host stops, after its name; none where a watchdog was read back."""
+
+    @property
+    def unconfirmed(self) -> Mapping[str, str]:
+        """Why it may still be enabled after `disable`; kept until `open` finds it off."""
 
     def open(self) -> None:
         """Torque off; verify identity, limits and watchdog. Blocks only through the clock."""
@@ -141,10 +153,7 @@ class Driver(Protocol):
         """Start the exchange; never blocks."""
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
-        """Return one state per axis by the deadline, invalid where no fresh sample came.
-
-        At once if it has passed, and then a late response is discarded.
-        """
+        """Return a state per axis by the deadline (at once after it), invalid if not fresh."""
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Take one command per axis; it may be staged for the next request."""
@@ -171,9 +180,8 @@ class Budget(NamedTuple):
 class CycleCost(NamedTuple):
     """Measured host cost of one exchange: `spent_us` [us], one per cycle.
 
-    `floor_us` is the same for a bare exchange of the same bytes, measured alternately, if
-    available; a goal is in microseconds at the median (`goal_us`) or a ratio of the medians
-    (`goal_ratio`). `why_not` explains why there are no figures.
+    `floor_us` is that of a bare exchange of the same bytes, measured alternately, if available; a
+    goal is [us] at the median (`goal_us`) or a ratio of medians. `why_not`: why without figures.
     """
 
     what: str
@@ -187,8 +195,8 @@ class CycleCost(NamedTuple):
 class Endpoint(NamedTuple):
     """The endpoint named by the options of a bus; `name` is for people, such as `/dev/ttyUSB0`.
 
-    `real`: motors may be behind it, so a run opens it unless `--simulate` is given. `virtual`: only
-    software can be there (vcan, UDP multicast). `none`: there is nothing to open.
+    `real`: motors may be behind it, and runs open it unless `--simulate` is given. `virtual`: only
+    software can be there (vcan, UDP multicast). `none`: nothing to open.
     """
 
     kind: Literal["real", "virtual", "none"]
@@ -251,7 +259,6 @@ class Simulator(Protocol):
     transport: Any
 
     def advance(self, to_ns: int) -> None: ...
-
     def close(self) -> None: ...
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.contracts import Driver
@@ -30,6 +30,21 @@ class DriverWrapper:
     def __getattr__(self, name: str) -> Any:
         """Return what else a driver may have: `poll`, `notes`, `columns`."""
         return getattr(self._driver, name)
+
+    @property
+    def watchdog_s(self) -> Mapping[str, float]:
+        """Return the time-outs of the devices behind [s]."""
+        return self._driver.watchdog_s
+
+    @property
+    def unwatched(self) -> Mapping[str, str]:
+        """Return what the devices behind do when the host stops."""
+        return self._driver.unwatched
+
+    @property
+    def unconfirmed(self) -> Mapping[str, str]:
+        """Return why devices behind may still be enabled."""
+        return self._driver.unconfirmed
 
     def open(self) -> None:
         """Open the driver behind, at the start or for a reset."""

@@ -48,6 +48,7 @@ class Backend:
         self.summary = dict(SUMMARY)
         self.exit_code = 0
         self.error: BaseException | None = None
+        self.warnings: list[str] = []
         self.ways: list[str] = []
         self.ways_asked: dict[str, Any] = {}
 
@@ -60,6 +61,8 @@ class Backend:
         if self.error is not None:
             raise self.error
         arguments["progress"](0.5, "running")
+        for sentence in self.warnings:
+            arguments["warn"](sentence)
         (arguments["out"] / "summary.json").write_text("{}")
         return SimpleNamespace(
             summary=self.summary, directory=arguments["out"], exit_code=self.exit_code

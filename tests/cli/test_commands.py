@@ -111,7 +111,7 @@ def test_run_passes_everything_on(tautwave_cli: Cli, backend: Backend, tmp_path:
     assert result.exit_code == 0, result.output
     assert backend.loaded == (Path("rig.yaml"), ("rate_hz=500", "name=a b"))
     asked = backend.run_arguments
-    del asked["progress"]
+    del asked["progress"], asked["warn"]
     assert asked == {
         "allow_tuning": False,
         "clock": "fake",
@@ -156,16 +156,18 @@ def test_run_shows_the_summary(tautwave_cli: Cli, backend: Backend) -> None:
     assert output.isascii()
 
 
-def test_what_runs_unwatched_is_said_before_and_after(tautwave_cli: Cli, backend: Backend) -> None:
-    loud = "UNWATCHED: slave.wrist (node 2) goes on when this program falls silent"
-    backend.summary["buses"] = {"can": {"notes": ["slave.wrist: torque off", loud]}}
+def test_what_runs_unwatched_is_said_before_and_listed_after(
+    tautwave_cli: Cli, backend: Backend
+) -> None:
     result = tautwave_cli("run", "rig.yaml", "--allow-unwatched")
-    assert result.exit_code == 0
     assert backend.run_arguments["allow_unwatched"] is True
-    first, *rest = result.stderr.splitlines()
-    assert first.startswith("UNWATCHED: --allow-unwatched")
-    assert "emergency stop" in first
-    assert rest == [loud]
+    assert (result.exit_code, result.stderr) == (0, ""), "permission alone is no danger"
+    assert "No watchdog" not in result.stdout
+    backend.warnings = ["UNWATCHED: slave.wrist keeps its last command"]
+    backend.summary["buses"] = {"can": {"unwatched": {"slave.wrist": "keeps its last command"}}}
+    result = tautwave_cli("run", "rig.yaml", "--allow-unwatched")
+    assert result.stderr.splitlines() == backend.warnings
+    assert re.search(r"No watchdog\n +slave.wrist +keeps its last command", result.stdout)
 
 
 def test_a_run_that_was_stopped_says_so_on_stderr(tautwave_cli: Cli, backend: Backend) -> None:

@@ -9,6 +9,7 @@ from tautwave.report.figures.overview import overview_figure, velocity_figure
 from tautwave.report.figures.pair import contact_figure, effort_figure, tracking_figure
 from tautwave.report.run.loading import load_run
 from tautwave.report.run.stop import stop_of
+from tautwave.report.run.tables import watch_table
 from tautwave.report.run.views import view_pair
 from tests.report.synthetic import make_run, rig
 
@@ -119,3 +120,16 @@ def test_the_axis_of_periods_holds_what_was_asked_for():
     low, high = period_axis(np.full(1000, 500.0), 1000.0)
     assert low <= 500.0
     assert high >= 1000.0
+
+
+def test_what_devices_do_when_the_host_stops_and_who_confirmed_to_be_off(tmp_path, columns):
+    stops = {
+        "watchdog_s": {"slave.a": 0.06},
+        "unwatched": {"slave.b": "keeps its last command"},
+        "unconfirmed": {"slave.a": "no answer"},
+    }
+    make_run(tmp_path, columns=columns, buses={"can": stops, "hand": {"notes": []}})
+    assert watch_table(load_run(tmp_path)).rows == (
+        ("slave.a", "stops after 60\u202fms", "not confirmed: no answer"),
+        ("slave.b", "keeps its last command", "confirmed"),
+    )

@@ -212,7 +212,7 @@ def test_viewers_are_shown_why_a_run_ended() -> None:
     reported: list[str] = []
     recorder: Any = SimpleNamespace(tell=reported.append)
     control = SimpleNamespace(run=SimpleNamespace(period_ns=1_000_000))
-    assembly: Any = SimpleNamespace(control=control)
+    assembly: Any = SimpleNamespace(control=control, buses=())
     result: Any = SimpleNamespace(error=None, cycles=1200, missed_cycles=34)
     tell_end(assembly, recorder, result)
     assert not reported

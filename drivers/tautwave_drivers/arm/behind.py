@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.contracts import BusSpec, Clock
@@ -49,6 +49,14 @@ class JointsBehind(DriverWrapper):
         self._since = SlotCount(bus.period_ns)
         self._faults: list[Fault] = []
         self._sent = [0.0] * count
+
+    @property
+    def watchdog_s(self) -> Mapping[str, float]:
+        """Return after what silence all joints act by themselves [s]; empty if one never does."""
+        joints = self._driver.watchdog_s
+        if any(joint.name not in joints for joint in self._joints):
+            return {}
+        return dict.fromkeys(self._axes, max(joints.values()))
 
     def open(self) -> None:
         """Open the joints' bus, at the start or for a reset: forget what was known and sent."""

@@ -51,6 +51,8 @@ class Axis:
         TPDOs for an older SYNC, with too few bytes, or missing.
     torque_before : int or None
         6072h as it was found, if it was lowered.
+    unwatched : str
+        What the drive does when this program stops, where no watchdog of it acts.
     """
 
     def __init__(self, spec: AxisSpec, node: Node, options: CanopenOptions, rate_hz: float) -> None:
@@ -121,6 +123,7 @@ class Axis:
         self.outstanding = 0
         self.heard_ns = 0
         self.watched = False
+        self.unwatched = ""
         self.mode_since = 0
         self._mode_sent = 0
         self.late = self.short = self.lost = 0

@@ -75,6 +75,11 @@ class CanopenDriver:
         self._synced = False
         self._enabled = False
         self.notes: list[str] = []
+        self.watchdog_s: dict[str, float] = dict.fromkeys(
+            (axis.spec.name for axis in self._axes), options.heartbeat_timeout_ms * 1e-3
+        )
+        self.unwatched: dict[str, str] = {}
+        self.unconfirmed: dict[str, str] = {}
         self.identities: Mapping[str, Mapping[str, str]] = {}
         self.columns = [f"{axis.spec.name}.answer_us" for axis in self._axes]
         self._torques = [axis for axis in self._axes if axis.reports_motor]
@@ -114,6 +119,11 @@ class CanopenDriver:
             self._release()
             raise
         self.identities = {axis.spec.name: axis.identity for axis in self._axes}
+        self.unwatched = {axis.spec.name: axis.unwatched for axis in self._axes if axis.unwatched}
+        timeout_s = self._options.heartbeat_timeout_ms * 1e-3
+        names = (axis.spec.name for axis in self._axes)
+        self.watchdog_s = {name: timeout_s for name in names if name not in self.unwatched}
+        self.unconfirmed = {}
         now = self._now()
         for axis in self._axes:
             axis.heard_ns = now
@@ -287,6 +297,11 @@ class CanopenDriver:
                 axis.stop_drive(method)
             exchange.run_out(self._now() + round(STOP_LIMIT_S[method] * 1e9))
         health.running = False
+        self.unconfirmed = {
+            axis.spec.name: health.lost or f"it was last seen in {axis.machine.state.value}"
+            for axis in self._axes
+            if not axis.machine.done
+        }
 
     def close(self) -> None:
         """Disable, disarm the drives' watchdogs, NMT pre-operational, release; never raises."""
@@ -298,7 +313,7 @@ class CanopenDriver:
             if self._net is not None and not self._health.lost:
                 from tautwave_drivers.canopen.setup.bringup import shut_down
 
-                self.notes += shut_down(self._net, self._axes, self._bus)
+                self.unconfirmed = shut_down(self._net, self._axes, self._bus)
         except Exception as err:  # noqa: BLE001  everything has to be released
             self._health.report(f"closing: {err}")
         self._release()

@@ -54,7 +54,8 @@ class Bringup:
         self._options = options
         self._bus = bus
         self._changes: list[str] = []
-        self._unwatched: set[int] = set()
+        self.unwatched: dict[str, str] = {}
+        self.watchdog_s: dict[str, float] = {}
         self.notes: list[str] = []
         self.identities: dict[str, dict[str, str]] = {}
 
@@ -114,7 +115,6 @@ class Bringup:
         degrees = self._get(servo, reg.PRESENT_TEMPERATURE)
         self.notes.append(
             f"{where}: {servo.model.name}, firmware {firmware}, {volts:.1f} V, {degrees} degC"
-            + ("" if watched else ", without a bus watchdog")
         )
         self.identities[servo.axis.name] = {
             "model": servo.model.name,
@@ -122,7 +122,10 @@ class Bringup:
             "homing_offset": str(self._get(servo, reg.HOMING_OFFSET)),
         }
         if not watched:
-            self._unwatched.add(servo.options.id)
+            self.unwatched[servo.axis.name] = (
+                f"(servo {servo.options.id}) keeps following its last command: its firmware "
+                f"{firmware} has no bus watchdog"
+            )
             return
         if self._get(servo, reg.BUS_WATCHDOG) == reg.WATCHDOG_TRIPPED:
             self.notes.append(f"{where}: its bus watchdog had tripped; armed again")
@@ -158,7 +161,7 @@ class Bringup:
         given = servo.options.current_limit
         if given is not None and servo.model.current_unit > 0.0:
             self._keep(servo, reg.CURRENT_LIMIT, round(given / servo.model.current_unit))
-        if servo.options.id in self._unwatched:
+        if servo.axis.name in self.unwatched:
             return  # firmware that old has no drive mode either
         drive_mode = self._get(servo, reg.DRIVE_MODE)
         if drive_mode & TORQUE_BY_GOAL:
@@ -244,10 +247,11 @@ class Bringup:
 
     def arm(self, servo: Servo) -> None:
         """Write the bus watchdog and read it back; it runs once torque is on."""
-        if servo.options.id in self._unwatched:
+        if servo.axis.name in self.unwatched:
             return
-        units = max(1, math.ceil(self._options.watchdog_s / reg.WATCHDOG_UNIT_S - 1e-9))
+        units = watchdog_units(self._options)
         self._put(servo, reg.BUS_WATCHDOG, units)
+        self.watchdog_s[servo.axis.name] = units * reg.WATCHDOG_UNIT_S
         self.notes.append(
             f"{self._where(servo)}: stops after {units * reg.WATCHDOG_UNIT_S:g} s without a packet "
             f"(bus watchdog(98) = {units}, written and read back)"
@@ -311,6 +315,11 @@ class Bringup:
 
     def _where(self, servo: Servo) -> str:
         return f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id})"
+
+
+def watchdog_units(options: DynamixelOptions) -> int:
+    """Return the bus watchdog of an options block, in steps of the register."""
+    return max(1, math.ceil(options.watchdog_s / reg.WATCHDOG_UNIT_S - 1e-9))
 
 
 def _shown(register: Register, value: int) -> str:

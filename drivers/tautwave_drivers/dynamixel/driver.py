@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from tautwave.contracts import BusSpec, BytePort, Clock, Row
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
-from tautwave_drivers.dynamixel.bringup import Bringup, Limits
+from tautwave_drivers.dynamixel.bringup import Bringup, Limits, watchdog_units
 from tautwave_drivers.dynamixel.enabling import Enabling
 from tautwave_drivers.dynamixel.exchange import Exchange, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
@@ -83,6 +83,11 @@ class DynamixelDriver:
         self._lost = ""
         self._faults: list[Fault] = []
         self.notes: list[str] = []
+        self.watchdog_s: Mapping[str, float] = {
+            axis.name: watchdog_units(options) * reg.WATCHDOG_UNIT_S for axis in bus.axes
+        }
+        self.unwatched: Mapping[str, str] = {}
+        self.unconfirmed: dict[str, str] = {}
         self._torques = [at for at, servo in enumerate(self._servos) if servo.impedance]
         self.columns = [f"{bus.axes[at].name}.motor_effort" for at in self._torques]
         self._motor_steps = [
@@ -116,6 +121,8 @@ class DynamixelDriver:
             self._try_reading()
             for servo in self._servos:
                 bringup.arm(servo)
+            self.watchdog_s, self.unwatched = bringup.watchdog_s, bringup.unwatched
+            self.unconfirmed = {}
         except BaseException:
             self.close()
             raise
@@ -317,8 +324,10 @@ class DynamixelDriver:
             return
         self._on = False
         self._enabling = None
+        # Until each says that it is off: whatever happens here, what is not known is kept.
+        why = self._lost or "torque off was not sent"
+        self.unconfirmed = dict.fromkeys((servo.axis.name for servo in self._servos), why)
         if self._lost:
-            self.notes.append(f"bus {self._bus.name}: torque was not switched off: {self._lost}")
             return
         self._staging.zero()
         try:
@@ -326,20 +335,19 @@ class DynamixelDriver:
             for servo in self._servos:
                 self._switch_off(servo)
         except DriverError as err:
-            self.notes.append(f"bus {self._bus.name}: torque was not switched off: {err}")
+            self.unconfirmed = dict.fromkeys(self.unconfirmed, str(err))
 
     def _switch_off(self, servo: Servo) -> None:
         """Verify that a servo's torque is off, then disarm its watchdog; else that stops it."""
         device_id = servo.options.id
         response = self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
         if response is not None and not response.number:
-            self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
+            del self.unconfirmed[servo.axis.name]
+            if servo.axis.name in self.watchdog_s:
+                self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
             return
         why = "no answer" if response is None else status_text(response.error)
-        self.notes.append(
-            f"{servo.axis.name} (servo {device_id}): torque off was not confirmed ({why}); "
-            "its bus watchdog stays armed and stops it"
-        )
+        self.unconfirmed[servo.axis.name] = f"servo {device_id} did not confirm torque off: {why}"
 
     def close(self) -> None:
         """Disable and release the line; idempotent, never raises."""

@@ -53,6 +53,7 @@ class Bringup:
         self._volatile = False
         self._changes: list[str] = []
         self.notes: list[str] = []
+        self.unwatched = ""
         self.identity: dict[str, str] = {}
 
     def run(self) -> None:
@@ -213,16 +214,16 @@ class Bringup:
         """Test the comm-loss timeout; enabling the drive will arm it."""
         comm_loss = self._profile.comm_loss
         if comm_loss is None:
-            text = (
-                f"{self._where}: has no comm-loss timeout: if cable, host or program fails, it "
-                "keeps following its last command"
-            )
             if not self._bus.allow_unwatched:
                 raise DriverError(
-                    f"{text}; keep a hardware emergency stop within reach and run with "
-                    "--allow-unwatched"
+                    f"{self._where}: has no comm-loss timeout: if cable, host or program fails, it "
+                    "keeps following its last command; keep a hardware emergency stop within reach "
+                    "and run with --allow-unwatched"
                 )
-            self.notes.append(f"NOT WATCHED: {text}")
+            self.unwatched = (
+                f"(unit {self._device.unit}) keeps following its last command: it has no comm-loss "
+                "timeout"
+            )
             return
         seconds = self._options.comm_timeout_s
         least = PERIODS / self._bus.rate_hz
@@ -233,7 +234,7 @@ class Bringup:
             )
         name = comm_loss.register_name
         register = self._profile.registers[name]
-        units = math.ceil(seconds / register.scale - 1e-9)
+        units = round(self._profile.timeout_s(seconds) / register.scale)
         if register.lasting and not self._volatile:
             self._keep(name, units, "comm-loss timeout")
             if self._changes:
@@ -249,7 +250,7 @@ class Bringup:
                 Step(wait=name, value=units, timeout_s=0.5),
             )
         self.notes.append(
-            f"{self._where}: after {units * register.scale:g} s without a request "
+            f"{self._where}: after {self._profile.timeout_s(seconds):g} s without a request "
             f"{comm_loss.reaction} (written and read back)"
         )
 

@@ -83,6 +83,13 @@ class ModbusDriver:
         self._on = False
         self._faults: list[Fault] = []
         self.notes: list[str] = []
+        self.watchdog_s = {
+            one.axis.name: one.profile.timeout_s(options.comm_timeout_s)
+            for one in self._devices
+            if one.profile.comm_loss is not None
+        }
+        self.unwatched: dict[str, str] = {}
+        self.unconfirmed: dict[str, str] = {}
         self.identities: dict[str, Mapping[str, str]] = {}
         self.columns = [f"{device.axis.name}.answer_us" for device in self._devices]
         self._torques = [
@@ -108,6 +115,7 @@ class ModbusDriver:
 
         self.close()
         self.notes = []
+        unwatched: dict[str, str] = {}
         self._faults.clear()
         links = self._links = self._make_links()
         try:
@@ -118,10 +126,16 @@ class ModbusDriver:
                     bringup = Bringup(station, client, self._options, self._bus, self._clock)
                     bringup.notes = self.notes
                     bringup.run()
-                    self.identities[station.device.axis.name] = bringup.identity
+                    name = station.device.axis.name
+                    self.identities[name] = bringup.identity
+                    if bringup.unwatched:
+                        unwatched[name] = bringup.unwatched
+                    # It has confirmed that it is off.
+                    self.unconfirmed.pop(name, None)
             links.gather()
             self._try_exchange(links)
             self._enabling = self._new_enabling(links)
+            self.unwatched = unwatched
         except BaseException:
             self.close()
             raise
@@ -303,6 +317,9 @@ class ModbusDriver:
         if links is None or not any(station.procedure is not None for station in self.stations):
             return
         links.watching = False
+        for station in self.stations:
+            if station.procedure is not None:
+                self.unconfirmed[station.device.axis.name] = "it was not told to switch off"
         for link, stations in sorted(links.groups, key=lambda group: bool(group[0].lost)):
             link.abandon()
             if link.lost:
@@ -324,8 +341,11 @@ class ModbusDriver:
                 self._switch_off(client, station)
             except Exception as err:  # noqa: BLE001  the others have to be switched off too
                 why = str(err)
+        name = station.device.axis.name
         if why:
-            self.notes.append(f"{station.label}: switching off was not confirmed: {why}")
+            self.unconfirmed[name] = f"unit {station.device.unit} did not confirm to be off: {why}"
+        else:
+            self.unconfirmed.pop(name, None)
 
     def _switch_off(self, client: Client, station: Station) -> None:
         """Zero command first, whatever happens after it."""

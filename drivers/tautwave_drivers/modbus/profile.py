@@ -7,6 +7,7 @@ every key; a file of one's own is named by its path in `devices: [{profile: ...}
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
@@ -289,6 +290,13 @@ class Profile(Keys):
         for where, name in named:
             if name not in self.registers:
                 yield where, f"there is no register {name!r}{nearest(name, [*self.registers])}"
+
+    def timeout_s(self, seconds: float) -> float:
+        """Return a comm-loss timeout [s] as its register holds it, rounded up; inf without one."""
+        if self.comm_loss is None:
+            return math.inf
+        step = self.registers[self.comm_loss.register_name].scale
+        return math.ceil(seconds / step - 1e-9) * step
 
     def register_of(self, role: Role) -> Register | None:
         """Return the register of a role, None where the drive has none."""

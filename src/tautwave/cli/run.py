@@ -124,7 +124,7 @@ def run(
     from tautwave.cli.terminal.progress import Progress
     from tautwave.cli.terminal.serve_page import page_beside
     from tautwave.cli.terminal.show import show
-    from tautwave.cli.terminal.streams import unheard
+    from tautwave.cli.terminal.streams import unheard, warn
     from tautwave.cli.terminal.summary import last_line, summary_sections
     from tautwave.config import load_rig
 
@@ -141,13 +141,6 @@ def run(
             click.echo(sentence)
     scripts, live = command_sources(commands, end_with_input=end_with_input)
     directory = fresh_directory(out, loaded.name)
-    if allow_unwatched:
-        click.echo(
-            "UNWATCHED: --allow-unwatched moves a device that has no watchdog, "
-            "which keeps executing its last command if this program stops; keep a hand on the "
-            "emergency stop",
-            err=True,
-        )
     try:
         showing = nullcontext() if quiet else Progress(loaded.name, directory)
         with (
@@ -170,6 +163,7 @@ def run(
                 scripts=scripts,
                 live=[*live, *keys],
                 progress=progress,
+                warn=warn,
             )
     finally:
         with suppress(OSError):
@@ -181,10 +175,6 @@ def run(
         show(summary_sections(loaded.name, result.summary, result.directory, result.exit_code))
     played = _played(result.directory) if play else ""
     with unheard(sys.stderr):
-        for bus in result.summary.get("buses", {}).values():
-            for note in bus.get("notes", ()):
-                if note.startswith(("UNWATCHED", "NOT WATCHED")):
-                    click.echo(note, err=True)
         if played:
             click.echo(played, err=True)
         if result.exit_code:

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from tautwave.runtime.scene.axes import SceneRun
 
 LOOPBACK = "loopback"
+STOPPING = ("watchdog_s", "unwatched", "unconfirmed")
+"""What a driver says of its devices for when the host stops."""
+
 DeviceMaker = Callable[[BusSpec, Sequence[AxisModel], int], Simulator]
 """Makes the simulated devices of a bus for a number of cycles."""
 
@@ -111,6 +114,13 @@ def build_rig(
             sources.extend([world] if isinstance(world, RowSource) else getattr(world, "axes", ()))
             sources.extend(getattr(world, "arms", ()))
         driver = plugin.make(plugin.options.model_validate(options), spec, the_clock, transport)
+        lacking = [name for name in STOPPING if not hasattr(driver, name)]
+        if lacking:
+            raise ConfigError(
+                f"bus {bus_name}: its driver {bus.driver} does not say {', '.join(lacking)}, so it "
+                "is not known what its devices do when this program stops; update the package "
+                "that the driver is from"
+            )
         if isinstance(driver, RowSource):
             sources.append(driver)
         names = [axis.name for axis in spec.axes]

@@ -74,6 +74,8 @@ class Loop:
         Enable the devices; else they are only read.
     begun : callable, optional
         Called with the time of the first slot [ns] when it is there.
+    opened : callable, optional
+        Called when every bus is open and nothing is enabled yet, also after a reset.
     """
 
     def __init__(
@@ -87,6 +89,7 @@ class Loop:
         *,
         torque: bool = True,
         begun: Callable[[int], None] | None = None,
+        opened: Callable[[], None] | None = None,
     ) -> None:
         self._clock = clock
         self._buses = buses
@@ -100,6 +103,7 @@ class Loop:
         self._progress = progress
         self._torque = torque
         self._begun = begun
+        self._opened = opened
         self._sensing = Sensing(buses, control)
         self._firsts = first_axes(buses)
         self._patience_ns = int(READ_SHARE * control.run.period_ns)
@@ -165,6 +169,8 @@ class Loop:
             if self._stop_asked:
                 raise KeyboardInterrupt
             bus.driver.open()
+        if self._opened is not None:
+            self._opened()
 
     def _enable(self) -> None:
         """Advance the enabling of every bus, one step per bus period, until all are on."""

@@ -10,12 +10,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tautwave.errors import NotCertifiedError, WritingError
+from tautwave.controller.stops import StopPlace
+from tautwave.errors import DeviceFault, NotCertifiedError, TautwaveError, WritingError
 from tautwave.files import json_ready, write_text
+from tautwave.rig import Assembly
 from tautwave.runtime.interrupts import interrupts
+from tautwave.runtime.loop import LoopResult
 from tautwave.runtime.recorder import RecorderStats
+from tautwave.runtime.unwatched import may_be_enabled
 
 REPORT_TIMEOUT_S = 600.0
+SAFELY = "; all axes stopped safely"
 
 
 def recording_block(stats: RecorderStats) -> dict[str, Any]:
@@ -61,6 +66,52 @@ def report_run(
     after = summary["certificate"].get("after_run", {})
     invalidated = bool(after.get("invalidated"))
     return summary, final_code(exit_code, invalidated, bool(summary["incomplete"]))
+
+
+def outcome_of(result: LoopResult, assembly: Assembly) -> tuple[dict[str, Any], int]:
+    """Return how the run ended, and the exit code.
+
+    `kind` and `sentence`; of one that was stopped also when (`at_s`), on which axis (None: on
+    none) and the `reason` in a word, as `controller.stops` has them. A device that may still be
+    enabled comes first in the sentence, and its exit code before all others.
+    """
+    seconds = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
+    enabled = may_be_enabled(assembly.buses)
+    outcome, exit_code = _ended(result, assembly, seconds, "" if enabled else SAFELY)
+    if not enabled:
+        return outcome, exit_code
+    axis = next(name for bus in assembly.buses for name in bus.driver.unconfirmed)
+    stop = StopPlace(seconds, axis, "fault")._asdict()
+    sentence = f"{enabled}; before that: {outcome['sentence']}"
+    return {**stop, **outcome, "kind": "fault", "sentence": sentence}, DeviceFault.exit_code
+
+
+def _ended(
+    result: LoopResult, assembly: Assembly, seconds: float, safely: str
+) -> tuple[dict[str, Any], int]:
+    """Return how the loop ended, and its exit code; `safely` if all devices are known to be off."""
+    error = result.error
+    if error is None:
+        if result.interrupted:
+            return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
+        ended = getattr(assembly.control, "ended", "")
+        return {"kind": "finished", "sentence": ended or f"completed, {seconds:g} s"}, 0
+    if isinstance(error, KeyboardInterrupt):
+        return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
+    if isinstance(error, TautwaveError):
+        kind = "safety_stop" if error.exit_code == 6 else "fault"
+        stop = result.stop or StopPlace(seconds, "", "fault")
+        stopped = {**stop._asdict(), "axis": stop.axis or None}
+        return {"kind": kind, "sentence": str(error), **stopped}, error.exit_code
+    where = error.__traceback__
+    while where is not None and where.tb_next is not None:
+        where = where.tb_next
+    place = ""
+    if where is not None:
+        place = f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})"
+    sentence = f"{type(error).__name__}: {error}{place}{safely}"
+    stop = StopPlace(seconds, "", "error")
+    return {"kind": "fault", "sentence": sentence, **stop._asdict(), "axis": None}, 5
 
 
 def final_code(exit_code: int, invalidated: bool, incomplete: bool) -> int:

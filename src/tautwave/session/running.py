@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, resolved_yaml
-from tautwave.controller.stops import StopPlace
 from tautwave.errors import BusBudgetError, ConfigError, TautwaveError
 from tautwave.files import write_text
 from tautwave.rig import Assembly, BusWay, Simulate, as_taken, build_rig, bus_ways, real_buses
@@ -20,6 +19,7 @@ from tautwave.runtime.loop import Loop, LoopResult
 from tautwave.runtime.machine import quiet_collector, realtime
 from tautwave.runtime.operate.commands import Source
 from tautwave.runtime.recorder import Recorder, RecorderStats
+from tautwave.runtime.unwatched import warning
 from tautwave.session.certified import (
     certificate_of,
     certificates_of,
@@ -44,7 +44,7 @@ from tautwave.session.operating import (
     with_operation,
 )
 from tautwave.session.plan import left_out, rig_plan
-from tautwave.session.reporting import recording_block, report_run
+from tautwave.session.reporting import outcome_of, recording_block, report_run
 from tautwave.session.sites.agreed import claim_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
@@ -87,6 +87,7 @@ def run(
     scripts: Sequence[Source] = (),
     live: Sequence[Source] = (),
     progress: Callable[[float, str], None] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> RunResult:
     """Run a rig and leave a run directory behind.
 
@@ -118,6 +119,9 @@ def run(
         Where the commands of an operated rig come from: looked at in every cycle, and now and then.
     progress : callable, optional
         Called now and then with the fraction done and a short text.
+    warn : callable, optional
+        Called, before anything is enabled, with a sentence about each device that no watchdog of
+        its own stops.
 
     Raises
     ------
@@ -189,13 +193,13 @@ def run(
         ):
             assembly = with_tuning(assembly, tuning)
             facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
-            moved = _move(rig, clock, directory, text, assembly, progress, keep, facts)
+            moved = _move(rig, clock, directory, text, assembly, progress, warn, keep, facts)
             if link is not None:
                 link.leave(moved.result)
     if progress is not None:
         progress(1.0, "reporting")
     loop, result = moved.loop, moved.result
-    outcome, exit_code = _outcome(result, assembly)
+    outcome, exit_code = outcome_of(result, assembly)
     summary = {
         "rig": rig.name,
         "version": version("tautwave"),
@@ -265,6 +269,7 @@ def _move(
     text: str,
     assembly: Assembly,
     progress: Callable[[float, str], None] | None,
+    warn: Callable[[str], None] | None,
     keep: Callable[[], None],
     facts: dict[str, Any],
 ) -> Moved:
@@ -294,6 +299,7 @@ def _move(
         recorder,
         progress,
         begun=recorder.begin,
+        opened=None if warn is None else warning(assembly.buses, warn),
     )
     with interrupts() as heard, heard.calling(loop.stop):
         recorder.start()
@@ -325,37 +331,6 @@ def loop_conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
         yield sentences
 
 
-def _outcome(result: LoopResult, assembly: Assembly) -> tuple[dict[str, Any], int]:
-    """Return how the run ended, and the exit code.
-
-    `kind` and `sentence`; of one that was stopped also when (`at_s`), on which axis (None: on
-    none) and the `reason` in a word, as `controller.stops` has them.
-    """
-    error = result.error
-    seconds = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
-    if error is None:
-        if result.interrupted:
-            return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
-        ended = getattr(assembly.control, "ended", "")
-        return {"kind": "finished", "sentence": ended or f"completed, {seconds:g} s"}, 0
-    if isinstance(error, KeyboardInterrupt):
-        return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
-    if isinstance(error, TautwaveError):
-        kind = "safety_stop" if error.exit_code == 6 else "fault"
-        stop = result.stop or StopPlace(seconds, "", "fault")
-        stopped = {**stop._asdict(), "axis": stop.axis or None}
-        return {"kind": kind, "sentence": str(error), **stopped}, error.exit_code
-    where = error.__traceback__
-    while where is not None and where.tb_next is not None:
-        where = where.tb_next
-    place = ""
-    if where is not None:
-        place = f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})"
-    sentence = f"{type(error).__name__}: {error}{place}; all axes stopped safely"
-    stop = StopPlace(seconds, "", "error")
-    return {"kind": "fault", "sentence": sentence, **stop._asdict(), "axis": None}, 5
-
-
 def _axes(assembly: Assembly, result: LoopResult) -> dict[str, dict[str, Any]]:
     names = [name for bus in assembly.buses for name in bus.axes]
     return {
@@ -374,6 +349,9 @@ def _buses(assembly: Assembly, ways: Mapping[str, BusWay]) -> dict[str, dict[str
             **ways[bus.name].as_dict(),
             "command_delay": bus.driver.command_delay._asdict(),
             "notes": list(getattr(bus.driver, "notes", ())),
+            "watchdog_s": dict(bus.driver.watchdog_s),
+            "unwatched": dict(bus.driver.unwatched),
+            "unconfirmed": dict(bus.driver.unconfirmed),
         }
         for bus in assembly.buses
     }

@@ -6,6 +6,7 @@ test.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -22,8 +23,10 @@ ENABLE_LIMIT = 5000  # cycles
 class DriverBench(NamedTuple):
     """A driver before `open`, its axes' causality, and access to the devices' state.
 
-    `commanded(axis)` is the last command the device received [N m, N, rad/s or m/s];
-    `position(axis)` is its true position.
+    `commanded(axis)` is the last command the device received and follows [N m, N, rad/s or m/s];
+    `position(axis)` is its true position. `names` are the axes' full names; `cut()` cuts the line,
+    so that nothing the host sends arrives any more. Leave both out where no device outlives the
+    host.
     """
 
     driver: Driver
@@ -31,6 +34,8 @@ class DriverBench(NamedTuple):
     causality: tuple[str, ...]
     commanded: Callable[[int], float]
     position: Callable[[int], float]
+    names: tuple[str, ...] = ()
+    cut: Callable[[], None] | None = None
 
 
 def cycle(bench: DriverBench, commands: list[AxisCommand] | None = None) -> list[JointState]:
@@ -153,3 +158,53 @@ class DriverContract:
         for fault in bench.driver.faults():
             assert fault.text
         bench.driver.close()
+
+    def test_it_says_what_each_device_does_when_the_host_stops(self, bench: DriverBench) -> None:
+        enable(bench)
+        watched, unwatched = bench.driver.watchdog_s, bench.driver.unwatched
+        assert all(0.0 < seconds < math.inf for seconds in watched.values())
+        assert all(unwatched.values())
+        if bench.cut is not None:
+            assert {*watched, *unwatched} == set(bench.names)
+            assert len(watched) + len(unwatched) == len(bench.names)
+        bench.driver.close()
+
+    def test_a_device_off_the_line_stops_when_it_said(self, bench: DriverBench) -> None:
+        if bench.cut is None:
+            pytest.skip("no device outlives the host")
+        enable(bench)
+        for _ in range(10):
+            cycle(bench, push(bench, 0.5))
+        bench.cut()
+        watched = dict(bench.driver.watchdog_s)
+        for name in sorted(watched, key=watched.__getitem__):
+            until = bench.clock.now_ns() + round(1e9 * watched[name]) + 2 * PERIOD_NS
+            bench.clock.sleep_until(until)
+            assert bench.commanded(bench.names.index(name)) == 0.0
+        for name in bench.driver.unwatched:
+            assert bench.commanded(bench.names.index(name)) != 0.0
+        bench.driver.close()
+
+    def test_switching_off_is_confirmed(self, bench: DriverBench) -> None:
+        assert not bench.driver.unconfirmed
+        enable(bench)
+        cycle(bench, push(bench, 0.5))
+        bench.driver.disable()
+        assert not bench.driver.unconfirmed
+        bench.driver.close()
+        assert not bench.driver.unconfirmed
+
+    @pytest.mark.parametrize("way", ["disable", "close"])
+    def test_a_device_that_cannot_be_switched_off_is_named(
+        self, bench: DriverBench, way: str
+    ) -> None:
+        if bench.cut is None:
+            pytest.skip("no device outlives the host")
+        enable(bench)
+        cycle(bench, push(bench, 0.5))
+        bench.cut()
+        getattr(bench.driver, way)()
+        assert set(bench.driver.unconfirmed) == set(bench.names)
+        assert all(bench.driver.unconfirmed.values())
+        bench.driver.close()
+        assert set(bench.driver.unconfirmed) == set(bench.names)

@@ -164,10 +164,22 @@ def contract_bench(rig: Rig, causality: tuple[str, ...]) -> DriverBench:
     devices = rig.world.world.devices
 
     def commanded(axis: int) -> float:
+        rig.world.advance(rig.clock.now_ns())
         motor = devices[axis].drive.motor
         reported: float = motor.velocity_reported if motor.servo else float(motor.torque_counts)
         return reported
 
+    def cut() -> None:
+        for device in devices:
+            device.receive = lambda now_ns, can_id, data: None
+            device.hears_sync = lambda can_id: False
+
     return DriverBench(
-        rig.driver, rig.clock, causality, commanded, lambda axis: rig.world.axes[axis].physics.x
+        rig.driver,
+        rig.clock,
+        causality,
+        commanded,
+        lambda axis: rig.world.axes[axis].physics.x,
+        tuple(axis.name for axis in rig.bus.axes),
+        cut,
     )

@@ -237,7 +237,8 @@ def test_a_drive_not_confirmed_off_keeps_its_watchdog() -> None:
     rig.run(CYCLES, TORQUE)
     at = len(rig.sent)
     rig.driver.close()
-    assert "master.a2 (node 2) still has its watchdogs armed" in " ".join(rig.driver.notes)
+    assert list(rig.driver.unconfirmed) == ["master.a2"]
+    assert "does not respond" in rig.driver.unconfirmed["master.a2"]
     reported = [data for _, can_id, data in rig.sent[at:] if can_id == 0]
     assert reported == [bytes((0x80, 1))]  # node 2 is not taken to where it may watch nobody
     rig.world.advance(rig.clock.now_ns() + 200_000_000)

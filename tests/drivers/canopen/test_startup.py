@@ -92,8 +92,13 @@ def test_one_watchdog_is_enough() -> None:
 def test_an_unwatched_drive_is_allowed_and_loud() -> None:
     rig = quirky({"abort_option": False}, allow_unwatched=True)
     rig.open_and_enable()
-    assert any(note.startswith("UNWATCHED: master.a1 (node 1)") for note in rig.driver.notes)
+    ((axis, does),) = rig.driver.unwatched.items()
+    assert axis == "master.a1"
+    assert does.startswith("(node 1) keeps following its last command: ")
+    assert "6007:00" in does
+    assert axis not in rig.driver.watchdog_s
     rig.driver.close()
+    assert rig.driver.unconfirmed == {}
 
 
 @pytest.mark.parametrize(

@@ -43,8 +43,8 @@ def test_torque_that_may_still_be_on_is_said_on_leaving(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(made.world.transport, "write", broken)
     made.driver.close()
-    assert made.driver.notes[-1] == (
-        "bus hand: torque was not switched off: /dev/ttyUSB0: the adapter was disconnected"
+    assert made.driver.unconfirmed == dict.fromkeys(
+        (axis.name for axis in made.bus.axes), "/dev/ttyUSB0: the adapter was disconnected"
     )
 
 

@@ -164,7 +164,11 @@ def test_firmware_without_a_watchdog_needs_to_be_allowed() -> None:
         made.driver.open()
     allowed = bench(spec(1), simulator=quirk, bus={"allow_unwatched": True})
     allowed.enable()
-    assert any("without a bus watchdog" in note for note in allowed.driver.notes)
+    assert allowed.driver.unwatched == {
+        "master.a1": "(servo 1) keeps following its last command: its firmware 37 has no bus "
+        "watchdog"
+    }
+    assert allowed.driver.watchdog_s == {}
 
 
 def test_a_tripped_watchdog_is_armed_again() -> None:

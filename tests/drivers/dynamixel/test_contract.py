@@ -19,6 +19,11 @@ CASES: dict[str, dict[str, Any]] = {
         "servos": [servo(2, "XL330-M288"), servo(1, "XM430-W350", direction=-1, gear_ratio=2.0)],
     },
     "status": {"axes": [spec(1), spec(2)], "status_block": True},
+    "unwatched": {
+        "axes": [spec(1), spec(2)],
+        "simulator": {"servos": {1: {"firmware": 37}}},
+        "bus": {"allow_unwatched": True},
+    },
     "sdk": {"axes": [spec(1)], "transport": "sdk"},
     "return-delay": {"axes": [spec(1)], "return_delay_s": 20e-6, "usb_latency_s": 0.0},
 }
@@ -26,10 +31,16 @@ CASES: dict[str, dict[str, Any]] = {
 
 def reported(made: Bench, axis: int) -> float:
     """The last command of the servo, in its own units; a servo without torque has none."""
+    made.world.servos[axis]._watch(made.clock.now_ns())
     if not made.world.servos[axis].torque_on:
         return 0.0
     impedance = made.bus.axes[axis].causality == "impedance"
     return float(made.peek(axis, "Goal Current" if impedance else "Goal Velocity"))
+
+
+def cut(made: Bench) -> None:
+    for one in made.world.servos:
+        one.present = False
 
 
 class TestDynamixel(DriverContract):
@@ -43,4 +54,6 @@ class TestDynamixel(DriverContract):
             tuple(axis.causality for axis in made.bus.axes),
             lambda axis: reported(made, axis),
             lambda axis: float(made.world.axes[axis].physics.x),
+            tuple(axis.name for axis in made.bus.axes),
+            lambda: cut(made),
         )

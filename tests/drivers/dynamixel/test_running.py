@@ -290,9 +290,7 @@ def test_a_watchdog_stays_armed_where_torque_off_was_not_confirmed() -> None:
     made.driver._line.write = deaf  # type: ignore[method-assign]
     made.driver.disable()
     assert [made.peek(index, "Bus Watchdog") for index in range(3)] == [0, 5, 0]
-    reported = [note for note in made.driver.notes if "torque off was not confirmed" in note]
-    assert len(reported) == 1
-    assert "(servo 2)" in reported[0]
+    assert made.driver.unconfirmed == {"master.a2": "servo 2 did not confirm torque off: no answer"}
 
 
 def test_an_answer_to_an_earlier_request_confirms_nothing() -> None:
@@ -370,7 +368,8 @@ def test_unplugged_in_memory_is_one_fatal_fault_and_close_is_quiet(transport: st
     assert fault.fatal
     assert "unplugged" in fault.text
     made.driver.close()
-    assert "torque was not switched off" in made.driver.notes[-1]
+    assert list(made.driver.unconfirmed) == ["master.a1", "master.a2"]
+    assert all("unplugged" in why for why in made.driver.unconfirmed.values())
     made.world.line.plugged = True
     made.enable()
     assert valid(made.cycle(0.1, 0.1)) == [True, True]

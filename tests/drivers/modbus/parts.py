@@ -68,6 +68,7 @@ class Bench(NamedTuple):
     def commanded(self, axis: int) -> float:
         """What the motor of an axis follows [counts]."""
         drive = self.world.bus.drives[self.bus.axes[axis].device_id]
+        drive.settle(self.clock.now_ns())
         return float(drive.motor.setpoint if drive.on else 0.0)
 
 

@@ -235,7 +235,10 @@ def test_a_drive_without_comm_loss_timeout_is_refused_or_marked_unwatched(profil
     assert "--allow-unwatched" in reported
     made = bench(profile=profile)
     made.driver.open()
-    assert "NOT WATCHED: slave.a1 (unit 1) on bus arm: has no comm-loss timeout" in notes(made)
+    assert made.driver.unwatched == {
+        "slave.a1": "(unit 1) keeps following its last command: it has no comm-loss timeout"
+    }
+    assert made.driver.watchdog_s == {}
 
 
 def test_settings_that_a_profile_takes_for_granted_are_compared() -> None:

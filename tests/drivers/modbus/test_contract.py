@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from tautwave.testing import DriverBench, DriverContract
-from tests.drivers.modbus.parts import FAST_RTU, bench, device, spec
+from tautwave_sim.modbus.faults import UNDISTURBED
+from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, device, spec
 
 CASES: dict[str, dict[str, Any]] = {
     "one": {"axes": [spec(1)]},
@@ -31,6 +32,10 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
+def cut(made: Bench) -> None:
+    made.world.bus.plan.request = lambda unit, t_ns: UNDISTURBED._replace(lost=True)
+
+
 class TestModbus(DriverContract):
     @pytest.fixture(params=CASES)
     def bench(self, request: pytest.FixtureRequest) -> DriverBench:  # type: ignore[override]
@@ -42,4 +47,6 @@ class TestModbus(DriverContract):
             tuple(axis.causality for axis in made.bus.axes),
             made.commanded,
             lambda axis: float(made.world.axes[axis].physics.x),
+            tuple(axis.name for axis in made.bus.axes),
+            lambda: cut(made),
         )

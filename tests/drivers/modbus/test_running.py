@@ -286,9 +286,9 @@ def test_a_drive_that_may_still_be_on_is_reported_and_the_next_one_is_switched_o
 
     made.driver._switch_off = failing  # type: ignore[method-assign]
     made.driver.close()
-    assert [note for note in made.driver.notes if "switching off" in note] == [
-        "slave.a1 (unit 1): switching off was not confirmed: an error of ours"
-    ]
+    assert made.driver.unconfirmed == {
+        "slave.a1": "unit 1 did not confirm to be off: an error of ours"
+    }
     assert not made.world.bus.drives[2].on
 
 

@@ -251,13 +251,13 @@ def _measure_response_times(
     return notes
 
 
-def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> list[str]:
+def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> dict[str, str]:
     """Disarm the watchdogs of drives that are off, give 6072h back, then NMT pre-operational.
 
     A drive that is not verified to be off keeps its watchdogs: they end its torque once this
-    program is silent. Returns a note for each of those.
+    program is silent. Returns why, for each of those, by axis.
     """
-    doubtful = []
+    doubtful = {}
     for axis in axes:
         drive = net.drives.get(axis.node.id)
         if drive is None:
@@ -265,7 +265,7 @@ def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> list[st
         try:
             torque_off(drive, net.clock, bus)  # by SDO: RPDOs may not have reached it
         except DriverError as err:
-            doubtful.append(f"{axis.label} still has its watchdogs armed: {err}")
+            doubtful[axis.spec.name] = str(err)
             continue
         before = [] if axis.torque_before is None else [(o.MAX_TORQUE, axis.torque_before)]
         for entry, value in (*before, (c.rpdo(1).timer, 0), (c.CONSUMER_HEARTBEAT, 0)):

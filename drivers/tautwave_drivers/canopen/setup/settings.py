@@ -298,6 +298,8 @@ def set_watchdogs(
 ) -> list[str]:
     """Make the drive watch this master, and stop on its own when the master stops sending.
 
+    `axis.unwatched` says what it does where it will not.
+
     Raises
     ------
     DeviceFault
@@ -333,4 +335,6 @@ def set_watchdogs(
             f"{text}; use a drive or firmware with a watchdog, or --allow-unwatched with a hand "
             "on the emergency stop"
         )
-    return [*notes, f"UNWATCHED: {drive.name} keeps moving if this program stops sending: {text}"]
+    if not (watches and acts):
+        axis.unwatched = f"(node {axis.node.id}) keeps following its last command: {text}"
+    return notes

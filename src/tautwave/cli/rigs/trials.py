@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tautwave.cli.options import PATH, as_for_run, clock_option, out_option, simulate_option
+from tautwave.cli.terminal.streams import warn
 from tautwave.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def trials(
         participant,
         protocol.parent,
         Path("runs") / protocol.stem if out is None else out,
-        {**ways, "allow_unwatched": allow_unwatched},
+        {**ways, "allow_unwatched": allow_unwatched, "warn": warn},
     )
     try:
         table = run_study(study, ready, judge, lambda rig: keys_of(rig, clock, None))

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TextIO
 
+import click
+
 
 def open_streams() -> None:
     """Open empty streams for a process that was started without standard ones (`>&-`).
@@ -36,6 +38,12 @@ def unheard(stream: TextIO, ignored: type[OSError] = OSError) -> Iterator[None]:
         stream.flush()
     except ignored:
         drop(stream)
+
+
+def warn(sentence: str) -> None:
+    """Say what a user has to know before anything moves, also where the rest is quiet."""
+    with unheard(sys.stderr):
+        click.echo(sentence, err=True)
 
 
 def drop(stream: TextIO) -> None:

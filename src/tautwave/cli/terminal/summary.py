@@ -35,11 +35,13 @@ def summary_sections(
         Section("Energy books", ("", ">", ""), list(_books(summary))),
         Section("Timing", ("", ">p50", ">p99", ">p99.9", ">max"), list(_timing(summary))),
     ]
+    unwatched = list(_unwatched(summary))
     return [
         _headline(name, summary, exit_code),
         *([Section("Operation", ("", ""), list(_operation(summary)))] * ("operation" in summary)),
         *(motion if number(summary.get("cycles")) != 0.0 else ()),
         Section("Devices", ("", ">lost", ">late", "faults"), list(_devices(summary))),
+        *([Section("No watchdog", ("", ""), unwatched)] if unwatched else ()),
         Section("Unused elements", ("", ""), list(_left_out(summary))),
         Section(
             "Files",
@@ -256,6 +258,13 @@ def _devices(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
         text = "; ".join(map(str, faults)) if isinstance(faults, list | tuple) else str(faults)
         if figures.get("lost") or figures.get("late") or faults:
             yield axis, count(figures.get("lost")), count(figures.get("late")), Cell(text, BAD)
+
+
+def _unwatched(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
+    """Yield what devices without a watchdog do when the host stops."""
+    for _, bus in _items(summary, "buses"):
+        for name, does in _items(bus, "unwatched"):
+            yield name, Cell(str(does), NOTE)
 
 
 def left_out_rows(entries: Any) -> Iterator[tuple[str, str]]:

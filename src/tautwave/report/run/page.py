@@ -224,6 +224,7 @@ def _timing(run: Run) -> Iterator[Part]:
 def _axes(run: Run) -> Iterator[str]:
     yield '<h2 id="axes">Axes</h2>'
     yield table(tables.axis_table(run)) or '<p class="note">No counts were recorded.</p>'
+    yield table(tables.watch_table(run), "text")
     yield table(tables.way_table(run), "text")
     yield from _buses(run)
 

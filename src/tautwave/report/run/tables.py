@@ -291,6 +291,26 @@ def axis_table(run: Run) -> Table:
     return Table("Axes", ("axis", "samples lost", "samples late", "faults"), tuple(rows))
 
 
+def watch_table(run: Run) -> Table:
+    """What each device does when the host stops, and whether it confirmed to be off."""
+    rows = []
+    for bus in block(run.summary, "buses").values():
+        found = bus if isinstance(bus, dict) else {}
+        seconds, unwatched, unconfirmed = (
+            block(found, key) for key in ("watchdog_s", "unwatched", "unconfirmed")
+        )
+        for name in {**seconds, **unwatched, **unconfirmed}:
+            stops = f"stops after {quantity(seconds[name], 's', 3)}" if name in seconds else MISSING
+            rows.append(
+                (
+                    name,
+                    str(unwatched.get(name, stops)),
+                    f"not confirmed: {unconfirmed[name]}" if name in unconfirmed else "confirmed",
+                )
+            )
+    return Table("Watchdogs", ("axis", "when the host stops", "off at the end"), tuple(rows))
+
+
 def way_table(run: Run) -> Table:
     """How each bus was run: hardware, or simulated devices and where they were."""
     rows = []

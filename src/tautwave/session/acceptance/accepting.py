@@ -186,7 +186,7 @@ def _coupled(
     talk.say(f"  the rig engages for {asked.run_s:g} s: hold the master loosely")
     result = run_rig(
         rig, out=out, clock=ways.clock, simulate=ways.simulate, attach=ways.attach,
-        allow_unwatched=ways.allow_unwatched, configure=ways.configure,
+        allow_unwatched=ways.allow_unwatched, configure=ways.configure, warn=talk.say,
     )  # fmt: skip
     summary = result.summary
     energy = summary.get("energy_j", {})

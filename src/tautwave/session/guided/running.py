@@ -28,6 +28,7 @@ from tautwave.runtime.interrupts import Interrupted, interrupts
 from tautwave.runtime.loop import TIMING_COLUMNS, Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.runtime.recorder import Recorder
+from tautwave.runtime.unwatched import refuse_enabled, warning
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
 from tautwave.session.guided.answers import Answers
@@ -142,7 +143,7 @@ def run_guided(
         )
         loop = Loop(
             assembly.clock, assembly.buses, assembly.control, assembly.sources, recorder,
-            torque=torque, begun=recorder.begin,
+            torque=torque, begun=recorder.begin, opened=warning(assembly.buses, talk.say),
         )  # fmt: skip
         with interrupts() as heard, heard.calling(loop.stop):
             recorder.start()
@@ -153,6 +154,7 @@ def run_guided(
             stats = recorder.close()
         if result.opened:
             keep()
+    refuse_enabled(assembly.buses, result.error)
     if result.interrupted or isinstance(result.error, KeyboardInterrupt):
         raise Interrupted(heard.number)
     if isinstance(result.error, TautwaveError):

@@ -27,6 +27,7 @@ from tautwave.runtime.interrupts import Interrupted, interrupts
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.runtime.recorder import Recorder
+from tautwave.runtime.unwatched import refuse_enabled
 from tautwave.session.certified import certificate_of, refuse_uncertified
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
@@ -317,6 +318,7 @@ def record_excitation(
             with loop_conditions(rig, clock), quiet_collector():
                 result = loop.run()
             stats = recorder.close()
+    refuse_enabled(assembly.buses, result.error)
     if isinstance(result.error, KeyboardInterrupt) and not result.opened:
         raise Interrupted(heard.number)
     if result.error is not None and not isinstance(result.error, KeyboardInterrupt):

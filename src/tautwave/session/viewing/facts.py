@@ -15,6 +15,7 @@ from tautwave.runtime.loop import LoopResult
 from tautwave.runtime.operate.journal import Entry, Journalled
 from tautwave.runtime.operate.mailbox import Mailbox
 from tautwave.runtime.recorder import Recorder
+from tautwave.runtime.unwatched import may_be_enabled
 
 MOST_TEXT = 300
 
@@ -45,10 +46,11 @@ def facts_of(
 
 def tell_end(assembly: Assembly, recorder: Recorder, result: LoopResult) -> None:
     """Let viewers read why a run ended, if not as it was meant to."""
-    if result.error is None:
+    ended = may_be_enabled(assembly.buses) or str(result.error or "")
+    if not ended:
         return
     at_s = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
-    entry = Entry(round(at_s, 9), "fault", "run", "ended", str(result.error)[:MOST_TEXT])
+    entry = Entry(round(at_s, 9), "fault", "run", "ended", ended[:MOST_TEXT])
     if isinstance(assembly.control, Journalled):
         assembly.control.journal.note(entry)
     else:
