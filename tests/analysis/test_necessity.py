@@ -17,10 +17,10 @@ from tautwave.analysis.ports.necessity import (
     destabilising_hand,
     verified_unstable,
 )
-from tautwave.analysis.ports.necessity_motion import simulate_hand
-from tautwave.analysis.ports.resonator import controller_impedance, delayed_controller
 from tautwave.errors import ConfigError
 from tests.analysis.reference.resonator import sampled_controller
+from tests.lab.papers.necessity_motion import simulate_hand
+from tests.lab.papers.resonator_loop import controller_impedance, delayed_controller
 
 TWENTY_HZ = 40.0 * math.pi
 WALL = Sampled(rational([1200, -200], [1, 0]), 1e-3)  # K = 1000, B = .2, T = 1 ms: bound 0.7

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from tautwave.analysis.exact.axis import passivity_margin
 from tautwave.analysis.exact.positive_real import LOSSLESS, NOT, PLAIN, STRICT, WEAK, positive_real
 from tautwave.analysis.exact.rational import Rational, S, constant, rational
-from tautwave.analysis.ports.resonator import controller_impedance, device_admittance
 from tests.analysis.reference.bilinear import substitute
 from tests.analysis.reference.discrete import discrete_positive_real
+from tests.lab.papers.resonator_loop import controller_impedance, device_admittance
 
 PADE = rational(["-0.00025", 1], ["0.00025", 1])  # of half a sample at 1 ms
 PASS = {

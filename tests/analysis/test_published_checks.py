@@ -12,16 +12,6 @@ import pytest
 
 from tautwave.analysis.exact.positive_real import positive_real
 from tautwave.analysis.exact.rational import rational
-from tautwave.analysis.ports.resonator import (
-    RESONATOR,
-    Oscillator,
-    closed_loop_poles,
-    controller_impedance,
-    critical_couplings,
-    device_admittance,
-    features,
-)
-from tautwave.analysis.ports.resonator_sampled import Scheme, sampled_boundaries, sampled_law
 from tautwave.analysis.ports.sampled_loop import Device
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.rules import bounce_gain
@@ -42,6 +32,16 @@ from tests.analysis.reference.conversion import (
     truncate_wave,
 )
 from tests.analysis.reference.resonator import cordis_stable
+from tests.lab.papers.resonator_loop import (
+    RESONATOR,
+    Oscillator,
+    closed_loop_poles,
+    controller_impedance,
+    critical_couplings,
+    device_admittance,
+    features,
+)
+from tests.lab.papers.resonator_sampled import Scheme, sampled_boundaries, sampled_law
 from tests.laws.test_wall import PHASES, Bounce, wall
 from tests.laws.waves import decode_effort, encode_wave
 from tests.models.plants import plant

@@ -14,12 +14,12 @@ from scipy import signal
 from tautwave.analysis.exact import polynomials as poly
 from tautwave.analysis.exact.axis import curve, passivity_margin, response
 from tautwave.analysis.exact.delay_roots import DelayLoop, rightmost_roots, unstable_count
-from tautwave.analysis.exact.loops import modulus_margin, revised_bode
 from tautwave.analysis.exact.rational import Delayed, Rational, S, Sampled, rational
 from tautwave.errors import ConfigError
 from tests.analysis.reference.bilinear import bilinear
 from tests.analysis.reference.gains import stable_gains, unconditionally_stable
 from tests.analysis.reference.passivity_scan import scan_passivity
+from tests.lab.papers.loops import modulus_margin, revised_bode
 
 coefficients = st.lists(st.integers(-4, 4), min_size=2, max_size=7).filter(lambda c: c[0] != 0)
 

@@ -10,10 +10,15 @@ from scipy import signal
 
 from tautwave.analysis.exact.axis import passivity_margin
 from tautwave.analysis.exact.delay_roots import unstable_count
-from tautwave.analysis.exact.loops import modulus_margin, revised_bode
 from tautwave.analysis.exact.positive_real import positive_real
 from tautwave.analysis.exact.rational import Delayed, rational
-from tautwave.analysis.ports.resonator import (
+from tautwave.errors import ConfigError
+from tests.analysis.reference.bilinear import angle_of, bilinear
+from tests.analysis.reference.gains import unconditionally_stable
+from tests.analysis.reference.passivity_scan import scan_passivity
+from tests.analysis.reference.resonator import rendered_hz, sampled_loop
+from tests.lab.papers.loops import modulus_margin, revised_bode
+from tests.lab.papers.resonator_loop import (
     COUPLING,
     HAND,
     RESONATOR,
@@ -27,17 +32,12 @@ from tautwave.analysis.ports.resonator import (
     loop,
     table,
 )
-from tautwave.analysis.ports.resonator_sampled import (
+from tests.lab.papers.resonator_sampled import (
     Scheme,
     sampled_boundaries,
     sampled_law,
     sampled_poles,
 )
-from tautwave.errors import ConfigError
-from tests.analysis.reference.bilinear import angle_of, bilinear
-from tests.analysis.reference.gains import unconditionally_stable
-from tests.analysis.reference.passivity_scan import scan_passivity
-from tests.analysis.reference.resonator import rendered_hz, sampled_loop
 
 TABLE = [  # f, |G|, ph G, |K0K|, ph K0K, with half a sample at 1 ms, at .1 ms
     (1, 0.0117821, 86.623, 394.185, -89.99996, -90.180, -90.018),

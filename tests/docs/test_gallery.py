@@ -1,4 +1,4 @@
-"""The gallery shows what `tautwave reproduce` makes, all of it, and is small.
+"""The gallery shows what `python -m tests.lab papers` makes, all of it, and is small.
 
 The command itself is a block of its page, run with the others (`test_blocks`).
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tautwave.report.reproduce import CHAPTERS, chapter
+from tests.lab.papers import CHAPTERS, chapter
 
 DOCS = Path(__file__).parents[2] / "docs"
 KEPT = {path.name for path in (DOCS / "gallery").iterdir() if path.suffix in (".svg", ".txt")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 import subprocess
@@ -130,3 +131,17 @@ def test_what_is_imported_is_declared(folder: str, extras: tuple[str, ...]) -> N
     for name in imported(folder):
         makers = {one.lower().replace("_", "-") for one in KNOWN[name]}
         assert makers & brought, f"{folder} imports {name}, of {makers}, which nothing declares"
+
+
+def test_what_is_installed_imports_no_tests() -> None:
+    for package in ("src", "drivers", "sim"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                names = (
+                    [node.module or ""]
+                    if isinstance(node, ast.ImportFrom) and node.level == 0
+                    else [alias.name for alias in node.names]
+                    if isinstance(node, ast.Import)
+                    else []
+                )
+                assert not any(name.split(".")[0] == "tests" for name in names), path

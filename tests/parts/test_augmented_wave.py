@@ -10,8 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave import registry
-from tautwave.bench.couplings.measure import stated_bound
-from tautwave.bench.couplings.rigs import bench_rig
 from tautwave.certificate.couplings import coupling_verdict
 from tautwave.config import Rig
 from tautwave.contracts import CoupledAxis
@@ -20,6 +18,8 @@ from tautwave.couplings.wave.augmented import forget, with_augmentation
 from tautwave.errors import ConfigError
 from tautwave.rig import command_delays, coupling_law, make_control
 from tautwave.simulation import simulate
+from tests.lab.couplings.measure import stated_bound
+from tests.lab.couplings.rigs import bench_rig
 from tests.rigs.running import rig_of, tree
 
 forces = st.floats(-0.3, 0.3)

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.bench.couplings.measure import run_coupling, stated_bound
-from tautwave.bench.couplings.rigs import BENCH, RIG, _between, drawn_rig
 from tautwave.certificate import certify
 from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.config.load import parse_rig
 from tautwave.session.facts import pair_facts
 from tautwave.simulation import simulate
+from tests.lab.couplings.measure import run_coupling, stated_bound
+from tests.lab.couplings.rigs import BENCH, RIG, _between, drawn_rig
 
 WALL = 0.03
 DELAY = 0.06

@@ -11,8 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.bench.couplings.measure import run_coupling, stated_bound
-from tautwave.bench.couplings.rigs import bench_rig
 from tautwave.certificate import certify
 from tautwave.config import Rig, load_rig
 from tautwave.controller import seen
@@ -21,6 +19,8 @@ from tautwave.couplings.states import steps
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.rig import command_delays, make_control
 from tautwave.simulation import simulate
+from tests.lab.couplings.measure import run_coupling, stated_bound
+from tests.lab.couplings.rigs import bench_rig
 from tests.rigs.running import rig_of, tree
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-2khz.yaml"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from tautwave.bench.couplings.rigs import LAWS, bench_rig
 from tautwave.controller.steps import Law
 from tautwave.registry import load_named
 from tautwave.rig import coupling_law, coupling_part
+from tests.lab.couplings.rigs import LAWS, bench_rig
 
 
 def laws(name: str) -> dict[str, Law]:

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.bench.compensation import CERTAIN, ROUNDING, free_motion, surplus
-from tautwave.bench.port.rigs import IMPOSED
 from tautwave.certificate import certify
 from tautwave.config import Rig
 from tautwave.laws.compensation import CompensationParams, compensation_effort
 from tautwave.simulation import simulate
+from tests.lab.compensation import CERTAIN, ROUNDING, free_motion, surplus
+from tests.lab.port.rigs import IMPOSED
 from tests.rigs.running import Tree, rig_of, tree
 
 SLOW = {"type": "multisine", "ramp_s": 0.05, "components": [[0.5, 0.2, 0.0]]}
@@ -146,7 +146,7 @@ def test_a_truth_with_less_friction_than_believed_is_said() -> None:
 
 
 def test_a_held_effort_within_the_friction_never_has_a_surplus() -> None:
-    """Against the plant itself; `tautwave bench compensation --runs 10000` tries more."""
+    """Against the plant itself; `python -m tests.lab compensation --runs 10000` tries more."""
     assert max(surplus(seed, 1.0) for seed in range(25)) <= ROUNDING
     assert sum(surplus(seed, 1.2) > ROUNDING for seed in range(25)) >= 5
 

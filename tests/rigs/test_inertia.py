@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.analysis.claim import Claim
-from tautwave.bench.inertia import LOWER, attack, felt, lightened_rig
 from tautwave.certificate import certify
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.beside.compensation import inertia_claim
@@ -26,6 +25,7 @@ from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig.support import inertia_params
 from tautwave.simulation import simulate
+from tests.lab.inertia import LOWER, attack, felt, lightened_rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SIDES = ("master", "slave")
@@ -81,7 +81,7 @@ def test_what_was_before_an_engagement_is_forgotten_in_the_next() -> None:
 
 
 def test_who_shakes_it_gets_no_more_than_is_claimed_and_more_without_the_account() -> None:
-    """`tautwave bench compensation --runs 10000` tries more."""
+    """`python -m tests.lab compensation --runs 10000` tries more."""
     for seed in range(12):
         got = attack(seed)
         assert got.given <= got.claimed

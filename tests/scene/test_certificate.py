@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tautwave.analysis.ports.resonator_sampled import sampled_law
 from tautwave.analysis.walls.passivity import needed_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.certificate import certify
@@ -18,6 +17,7 @@ from tautwave.certificate.scene.maps import leak_over, needed, own_radius
 from tautwave.config import load_rig
 from tautwave.scene.network import Link, Mass, Network
 from tautwave.scene.sampled import LinearScene, linear_scene, loop_poles, seen_states
+from tests.lab.papers.resonator_sampled import sampled_law
 from tests.scene.networks import RESONATOR
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tautwave.bench.workprecision.scenes import DRUM, Stage
+from tautwave.bench.precision.scenes import Stage
 from tautwave.config import load_rig
 from tautwave.rig.scene.network import scene_of, scheme_choice
 from tautwave.scene.network import Link, Mass, Network
 from tautwave.scene.schemes.choice import _fastest, choose_scene_scheme, scheme_error
 from tautwave.session.plan import rig_plan
+from tests.lab.workprecision.scenes import DRUM
 from tests.scene.networks import everything
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tautwave.analysis.ports.resonator_sampled import sampled_law
 from tautwave.errors import ConfigError
 from tautwave.scene.compiling import compile_network
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import Link, Mass, Network
 from tautwave.scene.schemes.exact import exact_islands
 from tautwave.scene.schemes.gradient import step_gradient
+from tests.lab.papers.resonator_sampled import sampled_law
 from tests.scene.networks import RESONATOR, everything, granular
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from tautwave.files import make_directory, write_text
 
 Value = float | int | str | None
 
@@ -83,3 +87,28 @@ def _processor() -> str:
         if line.startswith("model name"):
             return line.partition(":")[2].strip()
     return platform.processor()
+
+
+def write_tables(suite: Suite, out: Path) -> list[Path]:
+    """Write every table as CSV into a directory; return the files.
+
+    Raises
+    ------
+    WritingError
+        The directory cannot be written.
+    """
+    make_directory(out)
+    return [_write(table, out / f"{_stem(suite.name, table.title)}.csv") for table in suite.tables]
+
+
+def _stem(name: str, title: str) -> str:
+    return f"{name}-" + title.lower().replace(" ", "-")
+
+
+def _write(table: Table, path: Path) -> Path:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.columns)
+    writer.writerows(table.rows)
+    write_text(path, text.getvalue())
+    return path

@@ -10,13 +10,12 @@ from typing import Any
 import click
 
 from tautwave.cli.options import (
+    PATH,
     Number,
-    jobs_option,
     json_option,
-    keep_option,
     out_option,
     positive,
-    recordings_option,
+    set_option,
 )
 from tautwave.cli.terminal.measured import print_suites
 
@@ -123,147 +122,6 @@ def buses(cycles: int, as_json: bool) -> None:
     print_suites([_backend().buses(cycles=cycles, tell=_tell)], as_json)
 
 
-@bench.command(short_help="Error against run time of every integrator, and of its peers.")
-@click.option("--full", is_flag=True, help="More steps over more decades; takes minutes.")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Directory for CSV, JSON and pictures.",
-)
-@click.option(
-    "--max-error",
-    type=float,
-    default=1e-4,
-    show_default=True,
-    callback=positive,
-    help="Error bound for the chosen point of each scene.",
-)
-@json_option
-def workprecision(full: bool, out: Path | None, max_error: float, as_json: bool) -> None:
-    """Measure error against run time: scenes, schemes, steps over decades, peers.
-
-    SciPy, python-control and MuJoCo are included if installed (the extra `bench`).
-
-    \b
-    Examples:
-        tautwave bench workprecision --out wp
-        tautwave bench workprecision --full --out wp
-    """
-    suite = _backend().workprecision(full=full, out=out, max_error=max_error, tell=_tell)
-    print_suites([suite], as_json)
-
-
-@bench.command(short_help="Models and whole rigs at numerical extremes.")
-@click.option("--full", is_flag=True, help="1e9 steps of the conservative scenes instead of 1e7.")
-@out_option("Directory for the tables as CSV; default: none.")
-@json_option
-def extremes(full: bool, out: Path | None, as_json: bool) -> None:
-    """Run stiff and extreme cases: which are refused, which go wrong, and by how much.
-
-    Contacts from 1 to 1e9 N/m on 1 mg to 100 kg with every scheme, whole rigs with one parameter at
-    its extremes, and ten million (--full: a billion) steps of lossless scenes.
-
-    \b
-    Examples:
-        tautwave bench extremes
-        tautwave bench extremes --full --out runs/extremes --json
-    """
-    from tautwave.bench.extremes.suite import write_tables
-
-    suite = _backend().extremes(full=full, tell=_tell)
-    if out is not None:
-        write_tables(suite, out)
-    print_suites([suite], as_json)
-
-
-@bench.command(short_help="1,000 parameter sets in SIMD lanes against one at a time.")
-@json_option
-def lanes(as_json: bool) -> None:
-    """Measure the speed-up of a sweep that runs 16 parameter sets in SIMD lanes.
-
-    \b
-    Example:
-        tautwave bench lanes
-    """
-    print_suites([_backend().lanes(tell=_tell)], as_json)
-
-
-@bench.command(short_help="The wave port against the one before it and a laboratory's PD.")
-@recordings_option("; without it hands are multisines.")
-@click.option("--quick", is_flag=True, help="One hand per contact, 10 s of holding.")
-@click.option("--cost", is_flag=True, help="Measure CPU time too; numba compiles for a minute.")
-@click.option("--hold", type=Number(10.0, 86400.0), help="Only hold a force, for this time [s].")
-@out_option("Directory for the picture of a held force; default: none.")
-@json_option
-def port(hold: float | None, as_json: bool, **given: Any) -> None:
-    """Compare tracking, holding and cost of the wave port: before, after, lab.
-
-    On the identified bench at 2 kHz, in one simulator. Before is the port with an account and a
-    velocity filter, lab a position-position PD. Takes minutes.
-
-    \b
-    Examples:
-        tautwave bench port --quick
-        tautwave bench port --recordings teleop-1dof --out pictures
-        tautwave bench port --hold 3600
-    """
-    if hold is None:
-        suite = _backend().port(**given, tell=_tell)
-    elif any(given.values()):
-        raise click.UsageError("--hold can be combined with --json only; it measures nothing else")
-    else:
-        suite = _backend().holding(seconds=hold, tell=_tell)
-    print_suites([suite], as_json)
-
-
-@bench.command(
-    short_help="Mass-interaction networks: speed relative to real time, and scaling with size."
-)
-@json_option
-def networks(as_json: bool) -> None:
-    """Measure a step of the granular scene, and of chains of 1 to 1e4 masses.
-
-    \b
-    Example:
-        tautwave bench networks
-    """
-    print_suites([_backend().networks(tell=_tell)], as_json)
-
-
-@bench.command(short_help="A pair over random networks: energy, position, force.")
-@click.option("--patterns", type=click.IntRange(1), default=1000, show_default=True)
-@click.option(
-    "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first one."
-)
-@click.option("--hour", is_flag=True, help="Also simulate a pair for an hour; takes 30 s more.")
-@jobs_option
-@keep_option
-@json_option
-def network(
-    patterns: int, first: int, hour: bool, jobs: int, keep: Path | None, as_json: bool
-) -> None:
-    """Run a pair over random networks, with our receiver and with common ones.
-
-    Counts the cases in which a receiver released more energy than was sent: 0 for ours, to the bit.
-    Then runs selected networks (jitter, loss, bursts, an outage) side by side, and a force held for
-    two minutes on two clocks. One core runs about 5,000 patterns per minute.
-
-    \b
-    Examples:
-        tautwave bench network
-        tautwave bench network --patterns 100000 --keep patterns.jsonl
-    """
-    suite = _backend().network(
-        patterns=patterns,
-        first=first,
-        hour=hour,
-        jobs=jobs,
-        keep=keep,
-        tell=_tell,
-    )
-    print_suites([suite], as_json)
-
-
 @bench.command(short_help="Two loops over sealed datagrams, compared with unsealed ones.")
 @duration_option
 @click.option("--rate", type=Number(50.0, 5000.0), default=1000.0, show_default=True, help="[Hz]")
@@ -296,97 +154,103 @@ def view(duration: float, as_json: bool) -> None:
     print_suites([_backend().view(duration_s=duration, tell=_tell)], as_json)
 
 
-@bench.command(short_help="Every coupling, with and without an account: tracking, calm, energy.")
-@click.option("--rigs", type=click.IntRange(0), default=1000, show_default=True)
+@bench.command(short_help="Error against run time: your rig or scene, by every scheme and step.")
+@click.argument("rig", type=PATH, required=False)
+@set_option
+@click.option("--full", is_flag=True, help="More steps over more decades; takes minutes.")
 @click.option(
-    "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first rig."
+    "--begin",
+    type=Number(0.0),
+    default=0.0,
+    show_default=True,
+    help="Of a scene: where the fifth of a second that is compared begins [s].",
 )
 @click.option(
-    "--hand",
-    type=click.Path(dir_okay=False, exists=True, path_type=Path),
-    help="CSV file of a recorded hand with the column hand_reference [rad]; default: a multisine.",
+    "--max-error",
+    type=float,
+    default=1e-4,
+    show_default=True,
+    callback=positive,
+    help="Error bound for the chosen point, as a share of the travel.",
 )
-@recordings_option(": also run the laboratory's own law on them.")
-@click.option(
-    "--frontier",
-    is_flag=True,
-    help="Error over motor noise instead: settings of each coupling on every recorded hand, a "
-    "figure, and the laboratory's points in it.",
-)
-@click.option(
-    "--delays",
-    is_flag=True,
-    help="Delays of 0.2 to 0.5 s instead: what the hand feels of a free, soft and rigid slave.",
-)
-@click.option(
-    "--quick",
-    is_flag=True,
-    help="One delay, 0.6 s each, without compiling; with --frontier: one hand each, two settings.",
-)
-@jobs_option
-@keep_option
-@out_option("Directory for the figure of --frontier; default: none.")
+@out_option("Directory for CSV, JSON and pictures; default: none.")
 @json_option
-def couplings(
-    rigs: int,
-    first: int,
-    hand: Path | None,
-    recordings: Path | None,
-    frontier: bool,
-    delays: bool,
-    quick: bool,
-    jobs: int,
-    keep: Path | None,
+def workprecision(
+    rig: Path | None,
+    overrides: tuple[str, ...],
+    full: bool,
+    begin: float,
+    max_error: float,
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Compare couplings under equal conditions, and random rigs with and without an account.
+    """Measure error against run time of a simulated RIG: every scheme, steps over decades.
 
-    The first run compiles nine numba kernels, which takes minutes; after that, 1,000 rigs take half
-    a minute.
+    Shows what a smaller error costs, which points nothing beats, and what `integrator: {scheme:
+    auto}` takes. Without RIG: the rig of the README.
 
     \b
     Examples:
-        tautwave bench couplings --rigs 200
-        tautwave bench couplings --rigs 10000 --keep rigs.jsonl
-        tautwave bench couplings --frontier --recordings teleop-1dof --out pictures
-        tautwave bench couplings --delays
+        tautwave bench workprecision
+        tautwave bench workprecision my-rig.yaml --out wp
+        tautwave bench workprecision scene-drum.yaml --begin 0.13
     """
-    if delays:
-        suite = _backend().long_delays(tell=_tell)
-    elif frontier:
-        suite = _backend().frontier_suite(recordings=recordings, quick=quick, out=out, tell=_tell)
-    else:
-        suite = _backend().couplings(
-            rigs=rigs,
-            first=first,
-            hand=hand,
-            recordings=recordings,
-            quick=quick,
-            jobs=jobs,
-            keep=keep,
-            tell=_tell,
-        )
+    from tautwave.bench.precision.suite import workprecision as measure
+
+    suite = measure(
+        _rig_or_shipped(rig),
+        changes=overrides,
+        full=full,
+        begin_s=begin,
+        out=out,
+        max_error=max_error,
+        tell=_tell,
+    )
     print_suites([suite], as_json)
 
 
-@bench.command(short_help="Friction and inertia compensation: how much lighter the device feels.")
-@click.option("--runs", type=click.IntRange(0), default=1000, show_default=True)
+@bench.command(short_help="Numerical stability: your rig or scene with each parameter at its ends.")
+@click.argument("rig", type=PATH, required=False)
+@set_option
 @click.option(
-    "--first", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first run."
+    "--duration",
+    type=Number(0.01, 3600.0),
+    default=9.0,
+    show_default=True,
+    help="Simulated time of each case at most [s]; 20,000 cycles at most.",
 )
-@jobs_option
-@keep_option
+@out_option("Directory for the tables as CSV; default: none.")
 @json_option
-def compensation(runs: int, first: int, jobs: int, keep: Path | None, as_json: bool) -> None:
-    """Measure free motion by share of compensated friction and inertia; test it with random runs.
+def extremes(
+    rig: Path | None, overrides: tuple[str, ...], duration: float, out: Path | None, as_json: bool
+) -> None:
+    """Simulate RIG stiff, light, heavy, slow, fast and saturated: which cases end how, and why.
+
+    Each parameter that the rig has goes to the ends of its range, e.g. stiffness from 1 to 1e9.
+    Every number of every row has to be finite; the residual of the energy books and what was
+    generated stand beside it. Without RIG: the rig of the README.
 
     \b
     Examples:
-        tautwave bench compensation --runs 10000 --keep runs.jsonl
+        tautwave bench extremes
+        tautwave bench extremes my-rig.yaml --duration 2
     """
-    suite = _backend().compensation(runs=runs, first=first, jobs=jobs, keep=keep, tell=_tell)
+    from tautwave.bench.extremes import extremes as measure
+    from tautwave.bench.result import write_tables
+
+    suite = measure(_rig_or_shipped(rig), changes=overrides, duration_s=duration, tell=_tell)
+    if out is not None:
+        write_tables(suite, out)
     print_suites([suite], as_json)
+
+
+def _rig_or_shipped(rig: Path | None) -> Path:
+    """Return the path of a rig; without one that of the README's."""
+    if rig is not None:
+        return rig
+    from tautwave.bench.rigs import ONE_PAIR
+
+    return ONE_PAIR.path()
 
 
 def _backend() -> Any:

@@ -23,7 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see `tautwave.session.cert
 
 COMMANDS = (
     "example", "new", "calibrate", "accept", "doctor", "run", "trials", "view", "ros", "check",
-    "sim", "scan", "sweep", "identify", "report", "export", "drivers", "bench", "reproduce",
+    "sim", "scan", "sweep", "identify", "report", "export", "drivers", "bench",
     "compile", "keys", "link",
 )  # fmt: skip
 MODULES = {

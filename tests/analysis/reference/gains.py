@@ -7,9 +7,9 @@ from fractions import Fraction
 from itertools import pairwise
 
 from tautwave.analysis.exact import polynomials as poly
-from tautwave.analysis.exact.loops import _real_values, characteristic
 from tautwave.analysis.exact.positive_real import Band
 from tautwave.analysis.exact.rational import Rational
+from tests.lab.papers.loops import _real_values, characteristic
 
 
 def stable_gains(loop: Rational) -> tuple[Band, ...]:

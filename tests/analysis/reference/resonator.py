@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from tautwave.analysis.exact.rational import Rational, Sampled, rational
-from tautwave.analysis.ports.resonator import COUPLING
-from tautwave.analysis.ports.resonator_sampled import Scheme, sampled_hand, sampled_law
 from tautwave.errors import ConfigError
+from tests.lab.papers.resonator_loop import COUPLING
+from tests.lab.papers.resonator_sampled import Scheme, sampled_hand, sampled_law
 
 
 def sampled_controller(

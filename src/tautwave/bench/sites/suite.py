@@ -9,10 +9,10 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from tautwave.bench.lines.suite import silent
 from tautwave.bench.result import Goal, Suite, Table
 from tautwave.bench.sites.order import Order, free_port
 from tautwave.bench.sites.runs import SIDES, grown, run_sites
+from tautwave.bench.suites import silent
 
 FIGURES = ("p50", "p99", "p999", "max")
 ROWS = {

@@ -23,14 +23,17 @@ def print_suites(suites: list[Any], as_json: bool) -> None:
         for table in result["tables"]:
             click.echo()
             _print_table(table)
-    click.echo()
-    show([_goal_section([goal for result in results for goal in result["goals"]])])
+    goals = [goal for result in results for goal in result["goals"]]
+    if goals:
+        click.echo()
+        show([_goal_section(goals)])
 
 
 def _print_table(table: dict[str, Any]) -> None:
     rows = table["rows"]
     columns = list(rows[0]) if rows else []
-    heads = [name if at == 0 else f">{heading(name)}" for at, name in enumerate(columns)]
+    words = {name for name in columns if all(isinstance(row[name], str) for row in rows)}
+    heads = [heading(name) if name in words else f">{heading(name)}" for name in columns]
     cells = [[figure(row[name]) for name in columns] for row in rows]
     show([Section(table["title"], heads, cells)])
     click.echo(textwrap.indent(textwrap.fill(table["what"], 96), "  "))
@@ -68,6 +71,6 @@ def figure(value: Any) -> str:
         return "-"
     if not isinstance(value, float):
         return str(value)
-    if abs(value) >= 100.0:
+    if 100.0 <= abs(value) < 1e7:
         return f"{value:.0f}"
     return f"{value:.3g}"

@@ -42,8 +42,8 @@ COST_NS = {
     EXACT: 90.0,
     DORMAND_PRINCE: 1000.0,
 }
-"""Time of one sub-step, compiled, in ns: rounded figures of `tautwave bench workprecision`. Only
-their ratios matter. Exact and Dormand-Prince: of a whole step at a contact, at 1e-3."""
+"""Time of one sub-step, compiled, in ns: rounded figures of `python -m tests.lab workprecision`.
+Only their ratios matter. Exact and Dormand-Prince: of a whole step at a contact, at 1e-3."""
 
 MOST_SUBSTEPS = 1024
 _PHASES: tuple[float, ...] = (0.07, 0.31, 0.56, 0.83)

@@ -44,7 +44,7 @@ def scene_sentences(precision: dict[str, Any]) -> Iterator[str]:
     if not precision.get("whole"):
         why = ""
         if precision.get("engine") == "python":
-            puts = "`tautwave bench workprecision`"
+            puts = "`tautwave bench workprecision RIG`"
             if precision.get("space"):
                 puts = "A run with `scene.engine: compiled`"
             why = (

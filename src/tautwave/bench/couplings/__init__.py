@@ -1,1 +1,0 @@
-"""`tautwave bench couplings`: every coupling, bare and in an account, on equal terms."""

@@ -1,0 +1,1 @@
+"""Error against run time of a rig or a scene: `tautwave bench workprecision [RIG]`."""

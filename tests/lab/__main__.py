@@ -1,0 +1,11 @@
+"""`python -m tests.lab NAME`."""
+
+from tests.lab.command import lab
+from tests.lab.papers.command import papers
+from tests.lab.renamed import renamed
+
+lab.add_command(papers)
+lab.add_command(renamed)
+
+if __name__ == "__main__":
+    lab(prog_name="python -m tests.lab")

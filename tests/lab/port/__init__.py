@@ -1,0 +1,1 @@
+"""The wave port before and after, and a laboratory's controller: `python -m tests.lab port`."""
