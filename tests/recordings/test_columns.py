@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from tautwave.errors import ConfigError
-from tautwave.recordings.columns import column_names, read_column, read_columns, time_columns
+from tautwave.recordings.columns import (
+    LONGEST_STEP_S,
+    column_names,
+    read_column,
+    read_columns,
+    time_columns,
+)
 
 T = 1e-3 * np.arange(50)
 X = np.sin(T)
@@ -124,3 +130,35 @@ def test_a_time_is_found_by_its_name() -> None:
     assert time_columns(["x", "Time [s]", "log.t"]) == ["Time [s]", "log.t"]
     assert time_columns(["t", "time_s"]) == ["time_s"]
     assert time_columns(["time_ms", "torque"]) == []
+
+
+@pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0, 4000.0])
+@pytest.mark.parametrize(("factor", "unit"), [(1e-9, "nano"), (1e-6, "micro"), (1e-3, "milli")])
+@pytest.mark.parametrize("epoch", [0.0, 1.7e9])
+def test_times_that_are_no_seconds_are_refused_with_their_factor(
+    tmp_path: Path, rate: float, factor: float, unit: str, epoch: float
+) -> None:
+    """As ROS logs have them, whatever the column is called; a factor of ten is nobody's."""
+    seconds = epoch + np.arange(50) / rate
+    both = seconds / factor
+    table = np.column_stack([both, X])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, "%.17g", ",", header="timestamp,x", comments="")
+    if not epoch and 1.0 / rate / factor <= LONGEST_STEP_S:
+        read_column(path, "x", "timestamp")  # milliseconds from 0 on may be slow seconds
+        return
+    for file in (path, mat(tmp_path / "log.mat", timestamp=both, x=X)):
+        with pytest.raises(ConfigError) as caught:
+            read_column(file, "x", "timestamp")
+        assert f"perhaps in {unit}seconds; multiply it by {factor:g}" in str(caught.value)
+    np.savetxt(
+        path, np.column_stack([both * factor, X]), "%.17g", ",", header="timestamp,x", comments=""
+    )
+    read_column(path, "x", "timestamp")  # the remedy works
+
+
+def test_a_pause_is_no_unit(tmp_path: Path) -> None:
+    times = np.where(np.arange(50) < 25, T, T + 1e5)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([times, X]), "%.17g", ",", header="t,x", comments="")
+    assert read_column(path, "x", "t")[0][-1] > 1e5

@@ -12,6 +12,7 @@ import click
 from tautwave.cli.options import (
     PATH,
     Number,
+    Whole,
     json_option,
     out_option,
     positive,
@@ -110,7 +111,7 @@ def laws(as_json: bool) -> None:
 
 
 @bench.command(short_help="Host CPU cost of one exchange on each bus.")
-@click.option("--cycles", type=click.IntRange(100), default=2000, show_default=True)
+@click.option("--cycles", type=Whole(100), default=2000, show_default=True)
 @json_option
 def buses(cycles: int, as_json: bool) -> None:
     """Measure the host's cost of one exchange with two axes, for every installed bus.

@@ -37,6 +37,17 @@ class Number(click.FloatRange):
         return found
 
 
+class Whole(click.IntRange):
+    """A whole number from `least` on that a machine can count."""
+
+    def __init__(self, least: int) -> None:
+        super().__init__(least, 2**53)
+
+    def _describe_range(self) -> str:
+        """Return the range for the help text: nobody asks for its end."""
+        return f"x>={self.min}"
+
+
 def of_kind(*wanted: str) -> Callable[..., Any]:
     """Return a callback for paths that refuses one of another kind by what it is."""
 
@@ -185,7 +196,7 @@ def _all_cores(_context: object, _option: object, value: int | None) -> int:
 
 jobs_option = click.option(
     "--jobs",
-    type=click.IntRange(1),
+    type=Whole(1),
     callback=_all_cores,
     help="Processes [default: one for each processor core].",
 )

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import PATH, echo_json, json_option, out_option
+from tautwave.cli.options import PATH, Whole, echo_json, json_option, out_option
 
 INTERRUPTED = 130
 """Exit code of a sweep that Ctrl-C ended early, as in a shell."""
@@ -21,7 +21,7 @@ INTERRUPTED = 130
 @out_option("Directory for points.csv and sweep.png; default: runs/sweep-NAME.")
 @click.option(
     "--jobs",
-    type=click.IntRange(min=1),
+    type=Whole(1),
     metavar="N",
     help="Worker processes; default: one per CPU core.",
 )

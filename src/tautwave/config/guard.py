@@ -16,6 +16,9 @@ from typing import Any
 from tautwave.errors import ConfigError
 from tautwave.kinds import refused
 
+MOST_DIGITS = 300
+"""Of a whole number: a float holds 308."""
+
 DEEPEST_JSON = 64
 """Python's parser recurses; our own files need 8 levels."""
 
@@ -27,9 +30,18 @@ def _finite(text: str) -> float:
     return number
 
 
-def _whole(text: str) -> int:
-    _finite(text)  # whoever takes it for a float may
-    return int(text)
+def whole_number(text: str) -> int | float:
+    """Return a whole number of which everyone can take the float.
+
+    Beyond all floats it is infinite, as `1e400` is: readers have a sentence for that, and none
+    for an `OverflowError` at the first conversion.
+    """
+    return int(text) if len(text) <= MOST_DIGITS else float(text)
+
+
+def _whole(text: str) -> int | float:
+    _finite(text)
+    return whole_number(text)
 
 
 _FINITE: dict[str, Any] = {
@@ -119,6 +131,6 @@ def parse_json(text: str, deepest: int = DEEPEST_JSON, *, finite: bool = False) 
             line = text.count("\n", 0, bracket.start()) + 1
             raise ValueError(f"line {line}: nested deeper than {deepest} levels")
     try:
-        return json.loads(text, **(_FINITE if finite else {}))
+        return json.loads(text, **(_FINITE if finite else {"parse_int": whole_number}))
     except json.JSONDecodeError as err:
         raise ValueError(f"line {err.lineno}, column {err.colno}: {err.msg}") from err

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from tautwave.config.halves import leave_other_half
 from tautwave.config.inputs.chains import name_chains
 from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
 from tautwave.config.inputs.meshes import name_meshes
-from tautwave.config.keys.common import AUTO
+from tautwave.config.keys.common import AUTO, GREATEST, LEAST, outsized
 from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
@@ -182,8 +181,9 @@ def _check_options(document: Document, plugin: DriverPlugin, path: KeyPath) -> N
         options = {}
     if not isinstance(options, dict):
         return  # reported by the rig's own model
-    for below in _not_finite(options):
-        document.report((*path, *below), "Input should be a finite number")
+    for below, number in _outsized(options):
+        text = f"Input should be 0, or between {LEAST:g} and {GREATEST:g} in size (got {number:g})"
+        document.report((*path, *below), text)
     if plugin.options.model_config.get("extra") is None:
         fields = plugin.options.model_fields
         known = {*fields, *(field.alias for field in fields.values())}
@@ -217,12 +217,13 @@ def _check_defaults(document: Document, plugin: DriverPlugin, path: KeyPath) -> 
         document.report((*path, *problem.path[1:]), problem.text)
 
 
-def _not_finite(value: Any) -> list[KeyPath]:
-    if isinstance(value, float) and not math.isfinite(value):
-        return [()]
+def _outsized(value: Any) -> list[tuple[KeyPath, float]]:
+    """Return the numbers that no key can mean, each with its place."""
     items: list[tuple[str | int, Any]] = []
     if isinstance(value, dict):
         items = list(value.items())
     elif isinstance(value, list):
         items = list(enumerate(value))
-    return [(key, *below) for key, item in items for below in _not_finite(item)]
+    else:
+        return [((), number) for number in outsized(value)]
+    return [((key, *below), number) for key, item in items for below, number in _outsized(item)]

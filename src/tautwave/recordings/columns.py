@@ -24,6 +24,11 @@ GREATEST = 1e50
 """Of a number in a recording: far beyond all that is measured, and its square is a number."""
 
 SEPARATORS = (",", ";", "\t")
+LONGEST_STEP_S = 50.0
+"""[s] Typical step between the rows of a recording; ROS logs count nanoseconds."""
+LATEST_S = 1e11
+"""[s] Of a clock, 3000 years after 1970."""
+FINER = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 _TIMES = ("time_s", "time", "t", "timestamp_s", "t_s", "time_sec", "seconds")
 _FINER = re.compile(r"(^|[^a-z])(ms|us|ns|msec|usec|millis|micros|nanos)$")
 
@@ -137,6 +142,21 @@ def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool
             f"{path}: row {at + 2}: time must increase, "
             f"but {times[at + 1]:.12g} s follows {times[at]:.12g} s"
         )
+    _check_unit(path, time_column, times)
+
+
+def _check_unit(path: Path, time_column: str, times: Array) -> None:
+    """Refuse times that are no seconds by their step, or by the date that they would be."""
+    step = float(np.median(np.diff(times)))
+    if step <= LONGEST_STEP_S and abs(float(times[0])) <= LATEST_S:
+        return
+    # The coarsest unit in which there are ten rows a second, at a date of these times.
+    begin = abs(float(times[0]))
+    factor = next((f for f in FINER if step * f <= 0.1 and begin * f <= LATEST_S), 1e-9)
+    raise ConfigError(
+        f"{path}: {time_column!r} begins at {times[0]:.6g} with steps of {step:.6g}, so it is not "
+        f"in seconds but perhaps in {FINER[factor]}; multiply it by {factor:g}"
+    )
 
 
 def _wrong(number: float | None) -> str:
@@ -249,4 +269,6 @@ def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
         raise ConfigError(f"{path}: the recording cannot be read: {err}") from err
     if len(rows_read) < 2:
         raise ConfigError(f"{path}: a recording needs at least two rows, it has {len(rows_read)}")
-    return dict(zip(wanted, np.array(rows_read).T.copy(), strict=True))
+    found = dict(zip(wanted, np.array(rows_read).T.copy(), strict=True))
+    _check_unit(path, wanted[0], found[wanted[0]])
+    return found

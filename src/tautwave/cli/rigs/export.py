@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH, of_kind, out_option
+from tautwave.cli.options import PATH, Whole, of_kind, out_option
 from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN
 
@@ -29,7 +29,7 @@ from tautwave.kinds import RECORDING, RUN
     help="Parquet and LeRobot need pyarrow (tautwave[parquet]), MAT SciPy (tautwave[analysis]).",
 )
 @click.option("--columns", metavar="A,B", help="Tables: only these columns; default: all.")
-@click.option("--fps", type=click.IntRange(1), help="LeRobot: frames a second; default: 30.")
+@click.option("--fps", type=Whole(1), help="LeRobot: frames a second; default: 30.")
 @click.option("--task", metavar="TEXT", help="LeRobot: the task of episodes that name none.")
 @click.option("--velocities", is_flag=True, help="LeRobot: the action has velocities, too.")
 @click.option(

@@ -6,15 +6,19 @@ Units: [rad | m] reads "rad for a rotary axis, m for a linear one".
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from tautwave.models.noise_colour import TOLERANCE, least_spectrum
 
 LEAST, GREATEST = 1e-100, 1e15
 """Sizes of numbers in a rig file: no unit of SI needs more."""
+
+GREATEST_WHOLE = 2**63 - 1
+"""Of identities and seeds."""
 
 
 class Block(BaseModel):
@@ -30,15 +34,30 @@ class Block(BaseModel):
 
     @field_validator("*", mode="after")
     @classmethod
-    def _check_size(cls, value: Any) -> Any:
+    def _check_size(cls, value: Any, info: ValidationInfo) -> Any:
         """Refuse numbers of which squares and quotients are no numbers any more."""
-        numbers = value if isinstance(value, tuple | list) else (value,)
-        for number in numbers:
-            if isinstance(number, float) and number and not LEAST <= math.fabs(number) <= GREATEST:
-                text = "Input should be 0, or between {least} and {greatest} in size (got {number})"
-                known = {"least": LEAST, "greatest": GREATEST, "number": number}
-                raise PydanticCustomError("size", text, {k: f"{v:g}" for k, v in known.items()})
+        if cls.model_fields[str(info.field_name)].annotation == dict[str, Any]:
+            return value  # another model checks it, and knows the place of a key
+        for number in outsized(value):
+            text = "Input should be 0, or between {least} and {greatest} in size (got {number})"
+            known = {"least": LEAST, "greatest": GREATEST, "number": number}
+            raise PydanticCustomError("size", text, {k: f"{v:g}" for k, v in known.items()})
         return value
+
+
+def outsized(value: Any) -> Iterator[float]:
+    """Give the numbers in a value, or anywhere below it, that no key can mean."""
+    if isinstance(value, float):
+        if value and not LEAST <= math.fabs(value) <= GREATEST:
+            yield value
+    elif isinstance(value, int):
+        if abs(value) > GREATEST_WHOLE:
+            yield float(value)
+    elif isinstance(value, tuple | list):
+        for one in value:
+            yield from outsized(one)
+    elif isinstance(value, dict):
+        yield from outsized(list(value.values()))
 
 
 Positive = Annotated[float, Field(gt=0)]

@@ -15,6 +15,7 @@ from yaml.parser import Parser
 from yaml.reader import Reader, ReaderError
 from yaml.scanner import Scanner
 
+from tautwave.config.guard import whole_number
 from tautwave.errors import ConfigError
 
 KeyPath = tuple[str | int, ...]
@@ -81,7 +82,7 @@ def read_scalar(text: str) -> Any:
     if text in _FIXED:
         return _FIXED[text]
     if _INT.fullmatch(text):
-        return int(text) if len(text) <= 400 else float(text)
+        return whole_number(text)
     if _OCTAL.fullmatch(text):
         return int(text[2:], 8)
     if _HEX.fullmatch(text):
