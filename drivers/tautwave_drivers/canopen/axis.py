@@ -11,6 +11,7 @@ from tautwave.types import AxisCommand, Fault, JointState
 from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1, mapping_of, sensor_entry
 from tautwave_drivers.canopen.options import CanopenOptions, Node, limit_permille, scale
 from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.modes import Mode
 from tautwave_drivers.cia402.states import MODE_BIT_12
@@ -49,8 +50,8 @@ class Axis:
         TPDOs are missing, and the next may belong to an older SYNC.
     late, short, lost : int
         TPDOs for an older SYNC, with too few bytes, or missing.
-    torque_before : int or None
-        6072h as it was found, if it was lowered.
+    borrowed : dict of Entry to int
+        What was found in objects that are changed while the bus is open: 6072h, watchdogs.
     unwatched : str
         What the drive does when this program stops, where no watchdog of it acts.
     """
@@ -59,7 +60,7 @@ class Axis:
         self.spec = spec
         self.node = node
         self.label = f"{spec.name} (node {node.id})"
-        self.torque_before: int | None = None
+        self.borrowed: dict[Entry, int] = {}
         self.scale = scale(node, spec)
         self.mapping = mapping_of(spec.causality, node)
         self.servo = spec.causality == "admittance"

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave_drivers.canopen.files.belonging import Use, check_files
 from tautwave_drivers.cia402.units import INT16, AxisScale, Transmission, axis_scale, limit_counts
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -87,6 +87,8 @@ class Node(Block):
     id: NodeId
     rated_torque: Positive
     """[N m] at the motor shaft (rated force of a linear motor [N]): 1000 per mille of 6071h."""
+    rated_torque_unit: Literal["mN m", "uN m"] | None = None
+    """Unit of 6076h; mN m without it, uN m on maxon's drives."""
     counts_per_revolution: Annotated[int, Field(gt=0, le=0xFFFF_FFFF)]
     """Position counts (6064h) per motor turn, after quadrature."""
     gear_ratio: Annotated[float, Field(ge=1e-3, le=1e6)] = 1.0
@@ -96,6 +98,8 @@ class Node(Block):
     direction: Literal[1, -1] = 1
     velocity_factor: Positive = 1.0
     """Counts per second that one unit of 606Ch and 60FFh stands for."""
+    home_offset: Annotated[int, Field(ge=-0x8000_0000, le=0x7FFF_FFFF)] = 0
+    """[counts] 607Ch, which shifts positions; compared."""
     identity: Identity | None = None
     eds: str | None = None
     """EDS or DCF file; parameter values of a DCF are written first."""
@@ -283,23 +287,30 @@ def limit_permille(node: Node, axis: AxisSpec) -> int:
     return limit_counts(axis.effort_limit, scale(node, axis).effort_quantum)
 
 
+def files_of(nodes: Sequence[tuple[str, Node]]) -> list[Use]:
+    """Return the EDS and DCF files of nodes, given with their axis' name."""
+    return [
+        Use(name, node.id, node.eds, {} if node.identity is None else node.identity.model_dump())
+        for name, node in nodes
+        if node.eds is not None
+    ]
+
+
 def facts(options: CanopenOptions, bus: BusSpec) -> Sequence[AxisFacts]:
     """Return the steps of each axis' sensors and commands [SI].
 
     Raises
     ------
     ConfigError
-        The EDS of a node is not there.
+        The EDS or DCF of a node cannot be read, or its values are not for that node.
     """
-    for axis, node in zip(bus.axes, nodes_of(options, bus), strict=True):
-        if node.eds is not None and not Path(node.eds).is_file():
-            raise ConfigError(f"{axis.name}: {node.eds}: no such EDS or DCF file")
+    nodes = nodes_of(options, bus)
+    check_files(files_of([(axis.name, node) for axis, node in zip(bus.axes, nodes, strict=True)]))
     return [
         AxisFacts(one.encoder_quantum, one.effort_quantum, one.velocity_quantum)
         if axis.causality == "admittance"
         else AxisFacts(one.encoder_quantum, one.effort_quantum, 0.0)
         for axis, one in (
-            (axis, scale(node, axis))
-            for axis, node in zip(bus.axes, nodes_of(options, bus), strict=True)
+            (axis, scale(node, axis)) for axis, node in zip(bus.axes, nodes, strict=True)
         )
     ]

@@ -9,11 +9,10 @@ from typing import Any
 
 from tautwave.types import FoundBus, FoundDevice, Setting, Survey
 from tautwave_drivers.assumed import assumed_axis
+from tautwave_drivers.canopen.files.belonging import identity_of
+from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.scan import MOTOR, ScanOptions
-from tautwave_drivers.cia402.entry import Entry
-
-MAXON = 0xFB
-"""Vendor whose 6076h is in uN m; CiA 402 has mN m."""
+from tautwave_drivers.cia402.units import MAXON, MICRO, MILLI
 
 PEAK = 3.0
 """Peak torque of a servo motor, in rated torques."""
@@ -59,16 +58,12 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
     ConfigError
         It is not an EDS or DCF file.
     """
-    from tautwave_drivers.canopen.bus.network import read_dictionary
-
-    known = read_dictionary(str(path), 1)
-    about = known.device_information
+    file = read_device_file(str(path))
     row: dict[str, Any] = {
-        "vendor": about.vendor_number,
-        "product": about.product_number,
-        **{column: _default(known, entry) for column, entry in MOTOR.items()},
+        **identity_of(file),
+        **{column: file.number(entry) for column, entry in MOTOR.items()},
     }
-    name = about.product_name or about.vendor_name or path.stem
+    name = file.info.get("productname") or file.info.get("vendorname") or path.stem
     given = {
         "interface": Setting("socketcan"),
         "channel": Setting("can0", "TODO: `ip link` lists the available ones"),
@@ -84,7 +79,7 @@ def _device(number: int, row: Mapping[str, Any], name: str, eds: str = "") -> Fo
     if vendor is not None and product is not None:
         entry["identity"] = {"vendor": vendor, "product": product}
     raw = _number(row.get("rated_torque"))
-    rated = 0.1 if not raw else raw * (1e-6 if vendor == MAXON else 1e-3)
+    rated = 0.1 if not raw else raw * (MICRO if vendor == MAXON else MILLI)
     turns = _number(row.get("revolutions")) or 1
     counts = round((_number(row.get("increments")) or 4096) / turns)
     gear = (_number(row.get("gear_motor")) or 1) / (_number(row.get("gear_shaft")) or 1)
@@ -120,15 +115,6 @@ def _number(value: Any) -> int | None:
         return int(str(value), 0)
     except ValueError:
         return None
-
-
-def _default(known: Any, entry: Entry) -> int | None:
-    """Return the value of an object; a DCF's own goes before the default."""
-    found = known.get(entry.index)
-    if found is not None and entry.sub:
-        found = found.get(entry.sub)
-    value = getattr(found, "value", None)
-    return _number(getattr(found, "default", None) if value is None else value)
 
 
 survey = Survey(_places, _propose, _describe, "eds")

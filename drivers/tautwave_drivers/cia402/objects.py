@@ -41,9 +41,12 @@ RATED_TORQUE = _entry(
 TORQUE = _entry(0x6077, 0, "I16", "torque actual value", "rated/1000", "measured by current")
 CURRENT = _entry(0x6078, 0, "I16", "current actual value", "rated/1000", "measured")
 TARGET_POSITION = _entry(0x607A, 0, "I32", "target position", "user", "set-point of CSP and PP")
+LEAST_WRAP = _entry(0x607B, 1, "I32", "min position range limit", "user", "positions wrap there")
+GREATEST_WRAP = _entry(0x607B, 2, "I32", "max position range limit", "user", "positions wrap there")
 HOME_OFFSET = _entry(0x607C, 0, "I32", "home offset", "user", "from home to the zero position")
 LEAST_POSITION = _entry(0x607D, 1, "I32", "min position limit", "user", "software limit")
 GREATEST_POSITION = _entry(0x607D, 2, "I32", "max position limit", "user", "software limit")
+POLARITY = _entry(0x607E, 0, "U8", "polarity", "bits", "7: position, 6: velocity, are inverted")
 MAX_MOTOR_SPEED = _entry(0x6080, 0, "U32", "max motor speed", "rpm", "limit")
 PROFILE_VELOCITY = _entry(0x6081, 0, "U32", "profile velocity", "user", "of PP")
 PROFILE_ACCELERATION = _entry(0x6083, 0, "U32", "profile acceleration", "user", "of PP and PV")
@@ -62,6 +65,16 @@ GEAR_MOTOR = _entry(0x6091, 1, "U32", "motor shaft revolutions", "", "gear ratio
 GEAR_SHAFT = _entry(0x6091, 2, "U32", "driving shaft revolutions", "", "gear ratio, divisor")
 FEED = _entry(0x6092, 1, "U32", "feed", "user", "travel per 6092h:02 turns of the driving shaft")
 FEED_REVOLUTIONS = _entry(0x6092, 2, "U32", "feed revolutions", "", "for 6092h:01")
+POSITION_FACTOR = _entry(0x6093, 1, "U32", "position factor numerator", "", "drive's own scale")
+POSITION_DIVISOR = _entry(0x6093, 2, "U32", "position factor divisor", "", "drive's own scale")
+VELOCITY_ENCODER_FACTOR = _entry(
+    0x6094, 1, "U32", "velocity encoder factor numerator", "", "drive's own scale"
+)
+VELOCITY_ENCODER_DIVISOR = _entry(
+    0x6094, 2, "U32", "velocity encoder factor divisor", "", "drive's own scale"
+)
+VELOCITY_FACTOR_1 = _entry(0x6095, 1, "U32", "velocity factor 1 numerator", "", "its own scale")
+VELOCITY_DIVISOR_1 = _entry(0x6095, 2, "U32", "velocity factor 1 divisor", "", "its own scale")
 VELOCITY_FACTOR = _entry(0x6096, 1, "U32", "velocity factor numerator", "", "drive's own scale")
 VELOCITY_DIVISOR = _entry(0x6096, 2, "U32", "velocity factor divisor", "", "drive's own scale")
 HOMING_METHOD = _entry(0x6098, 0, "I8", "homing method", "", "35 and 37: current position is home")
@@ -75,6 +88,8 @@ VELOCITY_OFFSET = _entry(0x60B1, 0, "I32", "velocity offset", "user", "added in 
 TORQUE_OFFSET = _entry(0x60B2, 0, "I16", "torque offset", "rated/1000", "added in CSP, CSV and CST")
 INTERPOLATION_TIME = _entry(0x60C2, 1, "U8", "interpolation time", "", "times 10**(60C2h:02) s")
 INTERPOLATION_INDEX = _entry(0x60C2, 2, "I8", "interpolation time index", "", "-3: ms")
+POSITIVE_TORQUE_LIMIT = _entry(0x60E0, 0, "U16", "positive torque limit", "rated/1000", "limit")
+NEGATIVE_TORQUE_LIMIT = _entry(0x60E1, 0, "U16", "negative torque limit", "rated/1000", "limit")
 TARGET_VELOCITY = _entry(0x60FF, 0, "I32", "target velocity", "user", "set-point of CSV and PV")
 SUPPORTED_MODES = _entry(0x6502, 0, "U32", "supported drive modes", "bits", "bit n-1: mode n")
 

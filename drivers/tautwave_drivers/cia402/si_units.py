@@ -16,6 +16,8 @@ _UNITS = {  # of a rotary or linear position
     0xC2: ("ft", 0.3048),
 }
 _LENGTHS = (0x01, 0xC1, 0xC2)
+_INCREMENTS = (0x00, 0xB5)
+"""Codes of a drive that counts its encoder's increments: no dimension, or a step."""
 _TIMES = {0x00: ("s", 1.0), 0x03: ("s", 1.0), 0x47: ("min", 60.0), 0x48: ("h", 3600.0)}
 
 
@@ -47,6 +49,12 @@ def velocity_unit(word: int) -> float | None:
     return unit[1] * _prefix(word) / time[1]
 
 
+def is_increments(word: int) -> bool:
+    """Return whether the unit of 60A8h or 60A9h is one increment (per second), or not stated."""
+    unit, time = word >> 16 & 0xFF, word >> 8 & 0xFF
+    return unit in _INCREMENTS and not word >> 24 and time in (0x00, 0x03)
+
+
 def is_length(word: int) -> bool:
     """Return whether the unit of 60A8h or 60A9h is a length, of the axis itself; else an angle."""
     return word >> 16 & 0xFF in _LENGTHS
@@ -56,7 +64,9 @@ def unit_text(word: int) -> str:
     """Return a unit as text: `10**-3 rev/min`."""
     exponent = word >> 24 & 0xFF
     power = exponent - 0x100 if exponent >= 0x80 else exponent
-    unit = _UNITS.get(word >> 16 & 0xFF, ("increments",))[0]
+    code = word >> 16 & 0xFF
+    unknown = "increments" if code in _INCREMENTS else f"unit {code:02X}h of CiA 303-2"
+    unit = _UNITS.get(code, (unknown,))[0]
     time = _TIMES.get(word >> 8 & 0xFF, ("?",))[0] if word >> 8 & 0xFF else ""
     scale = f"10**{power} " if power else ""
     return f"{scale}{unit}/{time}" if time else f"{scale}{unit}"

@@ -21,7 +21,10 @@ INT32 = 2147483647
 
 MILLI = 1e-3
 MICRO = 1e-6
-"""Unit of 6076h: mN m by CiA 402-2, uN m on a maxon EPOS4: ask the EDS."""
+"""Unit of 6076h: mN m by CiA 402-2, uN m on a maxon EPOS4."""
+
+MAXON = 0xFB
+"""Vendor whose 6076h is in uN m."""
 
 
 class AxisScale(NamedTuple):

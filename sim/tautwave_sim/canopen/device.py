@@ -26,6 +26,7 @@ PDO_TOO_SHORT = 0x8210
 GENERIC, COMMUNICATION = 0x01, 0x10
 """Bits of the error register 1001h."""
 HISTORY = 8
+MAXON = 0xFB
 NEVER_SAVED = (0x1003, 0x6040, 0x6060, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60FF)
 MS = 1_000_000
 _WRITTEN = (0x60, 0x20, 0x30)
@@ -92,8 +93,12 @@ class Device:
         """Show in the factor group what the motor is built from (CiA 402-2, 6076h to 6092h)."""
         gear = Fraction(node.gear_ratio).limit_denominator(1_000_000)
         milli = node.rated_torque * 1e3
-        # mN m by the standard; where that is too coarse uN m, as an EPOS4 has it
-        rated = round(milli) if abs(milli - round(milli)) < 1e-6 else round(1e3 * milli)
+        micro = node.rated_torque_unit == "uN m" or (
+            node.rated_torque_unit is None
+            and node.identity is not None
+            and node.identity.vendor == MAXON
+        )  # mN m by the standard, uN m on an EPOS4
+        rated = max(1, round(1e3 * milli if micro else milli))
         turn = round(node.counts_per_revolution * node.gear_ratio)
         for index, sub, value in (
             (0x6076, 0, rated),

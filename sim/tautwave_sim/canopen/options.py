@@ -114,6 +114,7 @@ class NodeKeys(_Shared):
 
     id: NodeId
     rated_torque: Positive
+    rated_torque_unit: str | None = None
     counts_per_revolution: Annotated[int, Field(gt=0)]
     gear_ratio: Positive = 1.0
     feed: Positive | None = None

@@ -6,31 +6,24 @@ and reads the port itself, so it also works on a FakeClock.
 
 from __future__ import annotations
 
-import io
 import logging
 import queue
-import re
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import canopen
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from tautwave.config.guard import read_guarded
 from tautwave.contracts import Clock, FramePort
-from tautwave.errors import BusTimeout, ConfigError, DeviceFault, DriverError
+from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave_drivers.canopen.files.reading import Setting
 from tautwave_drivers.cia402 import communication, objects
 from tautwave_drivers.cia402.aborts import abort_text
 from tautwave_drivers.cia402.entry import Entry, pack, unpack
 
-LARGEST_EDS = 4 * 1024 * 1024
-"""Bytes; those of large servo families have some 1 MB."""
-MOST_ENTRIES = 254
-_ENTRIES = re.compile(r"^[ \t]*NrOfEntries[ \t]*=[ \t]*([0-9]{1,4000})", re.MULTILINE)
 _RETRIES = 3
 _BATCH = 256
 """Frames between looks at the clock: a flood never leaves the queue empty."""
@@ -147,9 +140,9 @@ class PolledNetwork(canopen.Network):
                 return enough()
         return True
 
-    def remote(self, node_id: int, name: str, eds: str | None = None) -> RemoteDrive:
+    def remote(self, node_id: int, name: str) -> RemoteDrive:
         """Return the drive `node_id`, called `name` in messages."""
-        drive = self.drives[node_id] = RemoteDrive(self, node_id, name, eds, self._timeout_s)
+        drive = self.drives[node_id] = RemoteDrive(self, node_id, name, self._timeout_s)
         return drive
 
 
@@ -172,62 +165,18 @@ def built_in_dictionary() -> canopen.ObjectDictionary:
     return dictionary
 
 
-def read_dictionary(eds: str, node_id: int) -> canopen.ObjectDictionary:
-    """Return the objects that an EDS or DCF file names.
-
-    Raises
-    ------
-    ConfigError
-        It cannot be read or is not such a file.
-    """
-    path = Path(eds)
-    if path.suffix.lower() not in (".eds", ".dcf"):
-        raise ConfigError(f"{eds}: not an EDS or DCF file (.eds, .dcf)")
-    # CiA 306 says ASCII; vendors' editors write Windows code pages.
-    text = read_guarded(path, "EDS or DCF file", LARGEST_EDS, ("utf-8-sig", "cp1252", "latin-1"))
-    for found in _ENTRIES.finditer(text):  # the library counts that far whatever follows
-        if int(found[1]) > MOST_ENTRIES:
-            line = text.count("\n", 0, found.start(1)) + 1
-            raise ConfigError(
-                f"{eds}:{line}: NrOfEntries is {found[1][:20]}; an object has {MOST_ENTRIES} "
-                "sub-indices at most"
-            )
-    source = io.StringIO(text)
-    source.name = eds  # the library takes the format from it
-    try:
-        dictionary = canopen.import_od(source, node_id)
-    except Exception as err:
-        reason = " ".join(str(err).split()).replace("<???>", "it")
-        raise ConfigError(
-            f"{eds}: not an EDS or DCF file ({type(err).__name__}: {reason[:200]}); use the one "
-            "from the drive's vendor"
-        ) from err
-    if not len(dictionary):
-        raise ConfigError(f"{eds}: defines no objects; use the one supplied by the drive's vendor")
-    return dictionary
-
-
 class RemoteDrive:
     """One drive's objects over SDO, with a message for what it refuses.
 
-    Raises
-    ------
-    DriverError
-        Its EDS cannot be read.
+    `changed` holds the addresses of the lasting settings that were changed.
     """
 
-    def __init__(
-        self, net: PolledNetwork, node_id: int, name: str, eds: str | None, timeout_s: float
-    ) -> None:
+    def __init__(self, net: PolledNetwork, node_id: int, name: str, timeout_s: float) -> None:
         self.node_id = node_id
         self.name = name
-        try:
-            dictionary = built_in_dictionary() if eds is None else read_dictionary(eds, node_id)
-        except ConfigError as err:
-            raise DriverError(f"{name}: {err}") from err
-        self.dictionary = dictionary
+        self.changed: list[str] = []
         self._net = net
-        self._node = net.add_node(canopen.RemoteNode(node_id, dictionary))
+        self._node = net.add_node(canopen.RemoteNode(node_id, built_in_dictionary()))
         client = self._node.sdo
         client.RESPONSE_TIMEOUT = timeout_s
         client.responses = self._responses = Responses(net)
@@ -284,17 +233,20 @@ class RemoteDrive:
         with self._sentences(f"take {value} (0x{data[::-1].hex()}) in", entry):
             self._again(lambda: self._node.sdo.download(entry.index, entry.sub, data))
 
-    def write_bytes(self, index: int, sub: int, data: bytes) -> None:
-        """Write an object of the drive's own dictionary and read it back; raises as `read` does."""
-        entry = Entry("(DCF)", index, sub, "STR", "", "", "its DCF")
-        with self._sentences(f"take 0x{data[::-1].hex()} in", entry):
-            self._again(lambda: self._node.sdo.download(index, sub, data))
-            found = self._again(lambda: self._node.sdo.upload(index, sub))
+    def write_setting(self, setting: Setting) -> None:
+        """Write a parameter value of a DCF and read it back; raises as `read` does."""
+        one, data = setting.object, setting.data
+        entry = Entry(one.name, one.index, one.sub, "STR", "", "", "its DCF")
+        written = f"0x{data[::-1].hex()} of line {setting.line} of its DCF"
+        with self._sentences(f"take {written} in", entry):
+            self._again(lambda: self._node.sdo.download(entry.index, entry.sub, data))
+            found = self._again(lambda: self._node.sdo.upload(entry.index, entry.sub))
         if found[: len(data)] != data:
             raise DeviceFault(
-                f"{self.name} reads 0x{found[::-1].hex()} at {entry.address} after "
-                f"0x{data[::-1].hex()} from its DCF was written"
+                f"{self.name} reads 0x{found[::-1].hex()} at {entry.address} {entry.name} after "
+                f"{written} was written"
             )
+        self.changed.append(entry.address)
 
     def _again(self, transfer: Callable[[], Any]) -> Any:
         """Repeat a transfer without a response, or with one to another request: frames get lost."""

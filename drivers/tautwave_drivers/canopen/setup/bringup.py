@@ -7,25 +7,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from canopen.objectdictionary import ODVariable
-
 from tautwave.contracts import BusSpec, Clock, FramePort
-from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave.errors import BusTimeout, ConfigError, DeviceFault, DriverError
 from tautwave_drivers.canopen.axis import Axis, ResponseTime
-from tautwave_drivers.canopen.bus.network import AbortError, PolledNetwork, RemoteDrive
+from tautwave_drivers.canopen.bus.network import PolledNetwork, RemoteDrive
+from tautwave_drivers.canopen.files.belonging import (
+    IDENTITY,
+    check_files,
+    of_another,
+    parameters,
+)
+from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
 from tautwave_drivers.canopen.mapping import RPDO_2, Layout
-from tautwave_drivers.canopen.options import CanopenOptions
+from tautwave_drivers.canopen.options import CanopenOptions, files_of
+from tautwave_drivers.canopen.setup.meaning import ZEROED, check_meaning
 from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
 from tautwave_drivers.canopen.setup.settings import (
     check_identity,
-    check_scale,
     check_sync,
+    give_back,
     limit_torque,
     require,
     set_period,
     set_watchdogs,
-    settle,
+    store,
 )
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o
@@ -71,16 +77,25 @@ def bring_up(
     net = PolledNetwork(port, clock, hear, options.sdo_timeout_s)
     while port.receive() is not None:
         pass  # frames from before
-    drives = [net.remote(axis.node.id, axis.label, axis.node.eds) for axis in axes]
-    notes = []
-    for drive, axis in zip(drives, axes, strict=True):
-        drive.nmt(NMT_PRE_OPERATIONAL)
-        notes += prepare(drive, axis, options, bus, clock)
-    for drive in drives:
-        drive.nmt(NMT_START)
-    _await_operational(net, axes, health, clock, bus)
-    if options.sync:
-        notes += _measure_response_times(net, axes, arrivals, options, bus, clock)
+    try:
+        check_files(files_of([(axis.label, axis.node) for axis in axes]))
+    except ConfigError as err:  # it has changed since the rig was read
+        raise DriverError(f"bus {bus.name}: {'; '.join(err.problems)}") from err
+    drives = [net.remote(axis.node.id, axis.label) for axis in axes]
+    notes: list[str] = []
+    try:
+        for drive, axis in zip(drives, axes, strict=True):
+            drive.nmt(NMT_PRE_OPERATIONAL)
+            notes += prepare(drive, axis, options, bus, clock)
+        for drive in drives:
+            drive.nmt(NMT_START)
+        _await_operational(net, axes, health, clock, bus)
+        if options.sync:
+            notes += _measure_response_times(net, axes, arrivals, options, bus, clock)
+    except BaseException:  # a start that is refused, or ended by Ctrl-C, leaves nothing behind
+        for drive, axis in zip(drives, axes, strict=True):
+            give_back(drive, axis)
+        raise
     return net, notes
 
 
@@ -91,19 +106,20 @@ def prepare(
     notes = check_identity(drive, axis)
     notes += torque_off(drive, clock, bus)
     notes += _dcf(drive, axis)
-    notes += check_scale(drive, axis)
+    notes += check_meaning(drive, axis)
     notes += check_sync(drive, options)
     notes += set_period(drive, bus)
     notes += limit_torque(drive, axis)
     notes += set_watchdogs(drive, axis, options, allow_unwatched=bus.allow_unwatched)
     notes += _map(drive, axis, options, bus)
     notes += _homing(drive, axis)
-    for target in (o.TARGET_TORQUE, o.TORQUE_OFFSET, o.TARGET_VELOCITY, o.VELOCITY_OFFSET):
+    for target in ZEROED:
         if drive.find(target):
-            require(drive, target, 0, "a leftover target would act as soon as the drive is enabled")
+            remedy = "a leftover target would act as soon as the drive is enabled"
+            require(drive, target, 0, remedy, lasting=False)
     drive.write(o.MODE, axis.mode)
     if bus.configure:
-        notes += _store(drive, notes)
+        notes += store(drive, axis)
     return [text for text in notes if text]
 
 
@@ -130,17 +146,18 @@ def _dcf(drive: RemoteDrive, axis: Axis) -> list[str]:
     """Write the parameter values of a DCF, except commands and objects set here anyway."""
     if axis.node.eds is None:
         return []
+    file = read_device_file(axis.node.eds)
+    found = {name: drive.find(entry) for name, (entry, _) in IDENTITY.items()}
+    if problem := of_another(file, found, "it has"):
+        raise DeviceFault(f"{drive.name}: {problem}")
     written = 0
-    for top in drive.dictionary.values():
-        for entry in [top] if isinstance(top, ODVariable) else top.values():
-            if entry.value is None or not entry.writable or entry.index in _OWN:
-                continue
-            if entry.index < 0x2000:
-                continue
-            data = entry.encode_raw(entry.value)
-            drive.write_bytes(entry.index, entry.subindex, data)
-            written += 1
-    return [f"{drive.name}: {written} parameter values of {axis.node.eds}, written and read back"]
+    for one in parameters(file, drive.node_id):
+        if one.object.index < 0x2000 or one.object.index in _OWN:
+            continue
+        drive.write_setting(one)
+        written += 1
+    text = f"{drive.name}: {written} parameter values of {file.path}, written and read back"
+    return [*file.remarks, text]
 
 
 def _map(drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec) -> list[str]:
@@ -172,17 +189,6 @@ def _homing(drive: RemoteDrive, axis: Axis) -> list[str]:
     return [
         require(drive, entry, value, remedy).text for entry, value in wanted if value is not None
     ]
-
-
-def _store(drive: RemoteDrive, notes: Sequence[str]) -> list[str]:
-    """Store what was changed in the drive, if the user asked for it."""
-    if not any("(was " in text for text in notes):
-        return [f"{drive.name}: nothing changed, nothing stored"]
-    try:
-        drive.write(c.STORE_ALL, c.SAVE)
-    except AbortError as err:
-        return [f"{drive.name} does not store its settings: {err}"]
-    return [f"{drive.name}: settings stored (1010:01)"]
 
 
 def _await_operational(
@@ -252,7 +258,7 @@ def _measure_response_times(
 
 
 def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> dict[str, str]:
-    """Disarm the watchdogs of drives that are off, give 6072h back, then NMT pre-operational.
+    """Give back 6072h and the watchdogs of drives that are off, then NMT pre-operational.
 
     A drive that is not verified to be off keeps its watchdogs: they end its torque once this
     program is silent. Returns why, for each of those, by axis.
@@ -267,12 +273,7 @@ def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> dict[st
         except DriverError as err:
             doubtful[axis.spec.name] = str(err)
             continue
-        before = [] if axis.torque_before is None else [(o.MAX_TORQUE, axis.torque_before)]
-        for entry, value in (*before, (c.rpdo(1).timer, 0), (c.CONSUMER_HEARTBEAT, 0)):
-            try:
-                settle(drive, entry, value)
-            except DriverError:
-                break
+        give_back(drive, axis)
         drive.nmt(NMT_PRE_OPERATIONAL)
     end = net.clock.now_ns() + bus.period_ns
     while net.pump(end):

@@ -2,36 +2,38 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from tautwave.contracts import BusSpec
-from tautwave.errors import DeviceFault
+from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.bus.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.options import CanopenOptions
+from tautwave_drivers.canopen.setup.meaning import wanted_torque
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.aborts import abort_text
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.modes import Mode, mode_name, supported_text, supports
 from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_text
-from tautwave_drivers.cia402.si_units import is_length, unit_text, velocity_unit
-from tautwave_drivers.cia402.units import MICRO, MILLI
 
 CIA_402 = 0x0192
 _SYNC_PRODUCER = 1 << 30
 
 
 class Outcome(NamedTuple):
-    """Result of a setting: the value in the drive now (None: no such object), and a note."""
+    """Result of a setting: the value in the drive now and before (None: no object), and a note."""
 
     value: int | None
     text: str
+    before: int | None = None
 
 
-def settle(drive: RemoteDrive, entry: Entry, wanted: int) -> Outcome:
-    """Set an object to `wanted`; return its value afterwards, and why if it is another."""
+def settle(drive: RemoteDrive, entry: Entry, wanted: int, *, lasting: bool = True) -> Outcome:
+    """Set an object to `wanted`; return its value afterwards, and why if it is another.
+
+    A `lasting` change is one that `--configure` stores.
+    """
     try:
         before = drive.number(entry)
     except AbortError as err:
@@ -39,17 +41,64 @@ def settle(drive: RemoteDrive, entry: Entry, wanted: int) -> Outcome:
         return Outcome(None, f"{drive.name} has no {entry.address} {entry.name} ({words})")
     what = f"{drive.name}: {entry.address} {entry.name}"
     if before == wanted:
-        return Outcome(wanted, f"{what} = {_shown(entry, wanted)}, already set")
+        return Outcome(wanted, f"{what} = {_shown(entry, wanted)}, already set", before)
     try:
         drive.write(entry, wanted)
     except AbortError as err:
-        return Outcome(before, f"{what} stays {_shown(entry, before)}: {err}")
+        return Outcome(before, f"{what} stays {_shown(entry, before)}: {err}", before)
     after = drive.number(entry)
+    if lasting and after != before:
+        drive.changed.append(entry.address)
     if after != wanted:
         reported = f"{_shown(entry, after)} after {_shown(entry, wanted)} was written"
-        return Outcome(after, f"{what} is {reported}")
+        return Outcome(after, f"{what} is {reported}", before)
     reported = f"{_shown(entry, wanted)} (was {_shown(entry, before)})"
-    return Outcome(wanted, f"{what} = {reported}, read back")
+    return Outcome(wanted, f"{what} = {reported}, read back", before)
+
+
+def borrow(
+    drive: RemoteDrive, axis: Axis, entry: Entry, wanted: int, idle: int | None = None
+) -> Outcome:
+    """As `settle`, for as long as the bus is open: `give_back` sets what was found.
+
+    `idle` is given back where the drive holds `wanted` already, from a run that was killed.
+    """
+    found = settle(drive, entry, wanted, lasting=False)
+    before = idle if found.before == wanted and idle is not None else found.before
+    if before is not None and before != wanted:
+        axis.borrowed.setdefault(entry, before)
+    return found
+
+
+def give_back(drive: RemoteDrive, axis: Axis) -> None:
+    """Set what was borrowed to what was found, as far as the drive responds."""
+    for entry, value in axis.borrowed.items():
+        try:
+            settle(drive, entry, value, lasting=False)
+        except DriverError:
+            return
+
+
+def store(drive: RemoteDrive, axis: Axis) -> list[str]:
+    """Store the lasting settings in the drive, and nothing that is borrowed.
+
+    Raises
+    ------
+    DriverError
+        Something borrowed could not be set again afterwards.
+    """
+    if not drive.changed:
+        return [f"{drive.name}: nothing changed, nothing stored"]
+    held = {entry: drive.number(entry) for entry in axis.borrowed}
+    give_back(drive, axis)
+    try:
+        drive.write(c.STORE_ALL, c.SAVE)
+        text = f": settings stored (1010:01): {', '.join(drive.changed)}"
+    except AbortError as err:
+        text = f" does not store its settings: {err}"
+    for entry, value in held.items():
+        require(drive, entry, value, "it was set before its settings were stored", lasting=False)
+    return [f"{drive.name}{text}"]
 
 
 def _shown(entry: Entry, value: int) -> str:
@@ -60,7 +109,9 @@ def _shown(entry: Entry, value: int) -> str:
     return f"{value} {unit}".strip()
 
 
-def require(drive: RemoteDrive, entry: Entry, wanted: int, remedy: str) -> Outcome:
+def require(
+    drive: RemoteDrive, entry: Entry, wanted: int, remedy: str, *, lasting: bool = True
+) -> Outcome:
     """As `settle`, but a drive that has the object has to hold what is wanted.
 
     Raises
@@ -68,7 +119,7 @@ def require(drive: RemoteDrive, entry: Entry, wanted: int, remedy: str) -> Outco
     DeviceFault
         It holds something else.
     """
-    found = settle(drive, entry, wanted)
+    found = settle(drive, entry, wanted, lasting=lasting)
     if found.value is not None and found.value != wanted:
         raise DeviceFault(f"{found.text}; {remedy}")
     return found
@@ -129,99 +180,6 @@ def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
     return [*notes, f"{drive.name}: modes {supported_text(modes)}"]
 
 
-def check_scale(drive: RemoteDrive, axis: Axis) -> list[str]:
-    """Compare rated torque and encoder with the rig, as far as the drive reports them.
-
-    Raises
-    ------
-    DeviceFault
-        Torque or position would be scaled wrongly.
-    """
-    notes = []
-    rated = drive.find(o.RATED_TORQUE)
-    said = axis.node.rated_torque
-    if rated is None:
-        notes.append(f"{drive.name} has no 6076:00: rated torque {said:g} N m is not checked")
-    elif not any(
-        math.isclose(rated * unit, said, rel_tol=0.0, abs_tol=_step(unit, said))
-        for unit in (MILLI, MICRO)
-    ):
-        raise DeviceFault(
-            f"{drive.name}: rated torque 6076:00 is {rated} (mN m, or uN m on some drives), but "
-            f"the rig states {said:g} N m; correct rated_torque, which scales every torque"
-        )
-    else:
-        notes.append(f"{drive.name}: 6076:00 rated torque {rated} is {said:g} N m, as in the rig")
-    offset = drive.find(o.HOME_OFFSET)
-    if offset is not None:  # after the DCF, which may have written it
-        axis.identity["home_offset"] = str(offset)
-    increments, turns = drive.find(o.ENCODER_INCREMENTS), drive.find(o.ENCODER_REVOLUTIONS)
-    if increments and turns:
-        counts = axis.node.counts_per_revolution
-        if increments != counts * turns:
-            raise DeviceFault(
-                f"{drive.name}: 608F says {increments} increments in {turns} motor turns, but the "
-                f"rig states {counts} per turn; correct counts_per_revolution"
-            )
-        notes.append(f"{drive.name}: 608F has {counts} counts per motor turn, as in the rig")
-    return [*notes, *_factor_group(drive, axis), *_velocity_unit(drive, axis)]
-
-
-def _factor_group(drive: RemoteDrive, axis: Axis) -> list[str]:
-    """Compare a drive's position units per motor turn (6091h, 6092h) with the rig's counts.
-
-    Drives that always count increments leave a feed of 1 here. Whole numbers hold the product of
-    counts and gear only to some 1e-5.
-    """
-    gear, shaft = drive.find(o.GEAR_MOTOR), drive.find(o.GEAR_SHAFT)
-    feed, turns = drive.find(o.FEED), drive.find(o.FEED_REVOLUTIONS)
-    if not (gear and shaft and feed and turns) or feed == 1:
-        return []
-    counts = axis.node.counts_per_revolution
-    if not math.isclose(feed * shaft, counts * turns * gear, rel_tol=1e-4):
-        raise DeviceFault(
-            f"{drive.name}: gear 6091 ({gear}/{shaft}) and feed 6092 ({feed}/{turns}) give "
-            f"{feed * shaft / (turns * gear):g} position units per motor turn, but the rig states "
-            f"{counts}; set them so that one unit is one encoder increment, or correct "
-            "counts_per_revolution"
-        )
-    return [
-        f"{drive.name}: 6091 and 6092 give {counts} position units per motor turn, as in the rig"
-    ]
-
-
-def _velocity_unit(drive: RemoteDrive, axis: Axis) -> list[str]:
-    """Compare a drive's velocity unit (60A9h) with the rig's, where it is used.
-
-    The object does not say whether it is at the motor or at the gear's output; both are accepted.
-    """
-    node = axis.node
-    if not axis.servo and (node.move is None or node.move.mode != "pv"):
-        return []
-    word = drive.find(o.VELOCITY_UNIT)
-    reported = velocity_unit(word) if word else None
-    if word is None or reported is None:
-        return []
-    said = axis.scale.velocity_quantum  # at the axis
-    travel = axis.scale.encoder_quantum * node.counts_per_revolution  # of it, per motor turn
-    meant = [reported]
-    if not is_length(word):
-        meant = [reported * travel / math.tau, reported * travel * node.gear_ratio / math.tau]
-    if not any(math.isclose(said, each, rel_tol=1e-3) for each in meant):
-        right = " or ".join(
-            f"{each / axis.scale.encoder_quantum:.6g}" for each in dict.fromkeys(meant)
-        )
-        raise DeviceFault(
-            f"{drive.name}: one velocity unit is {unit_text(word)} by 60A9:00, which is {right} "
-            f"counts/s, but the rig states velocity_factor {node.velocity_factor:g}; correct it"
-        )
-    return [f"{drive.name}: 60A9 velocity unit {unit_text(word)}, as velocity_factor"]
-
-
-def _step(unit: float, said: float) -> float:
-    return max(0.5 * unit, 1e-3 * said)
-
-
 def set_period(drive: RemoteDrive, bus: BusSpec) -> list[str]:
     """Set the interpolation period 60C2h, and 1006h where it is in use, to the rig's period.
 
@@ -267,30 +225,10 @@ def check_sync(drive: RemoteDrive, options: CanopenOptions) -> list[str]:
 
 
 def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
-    """Lower 6072h to the rig's effort_limit until the bus is closed; refuse a drive with less.
-
-    Raises
-    ------
-    DeviceFault
-        The drive would clip torque below the rig's limit.
-    """
-    if axis.servo:
+    """Lower 6072h to the rig's effort_limit until the bus is closed."""
+    if axis.servo or drive.find(o.MAX_TORQUE) is None:
         return []
-    step = axis.scale.effort_quantum
-    wanted = min(0xFFFF, math.ceil(axis.spec.effort_limit / step - 1e-9))
-    held = drive.find(o.MAX_TORQUE)
-    if held is None:
-        return [f"{drive.name} has no 6072:00: only this program limits its torque"]
-    if held < wanted:
-        raise DeviceFault(
-            f"{drive.name}: 6072:00 max torque {held} per mille is {held * step:.4g}, below the "
-            f"rig's effort_limit {axis.spec.effort_limit:g}; lower effort_limit, or raise 6072h "
-            "with the drive's tool if motor and mechanics allow it; after a run was killed, its "
-            "limit stays until the drive is power-cycled"
-        )
-    if held > wanted:
-        axis.torque_before = held
-    return [settle(drive, o.MAX_TORQUE, wanted).text]
+    return [borrow(drive, axis, o.MAX_TORQUE, wanted_torque(axis)).text]
 
 
 def set_watchdogs(
@@ -308,8 +246,8 @@ def set_watchdogs(
     produced = settle(drive, c.PRODUCER_HEARTBEAT, options.heartbeat_ms)
     axis.watched = bool(produced.value)
     consumer = options.master_id << 16 | options.heartbeat_timeout_ms
-    heartbeat = settle(drive, c.CONSUMER_HEARTBEAT, consumer)
-    deadline = settle(drive, c.rpdo(1).timer, options.heartbeat_timeout_ms)
+    heartbeat = borrow(drive, axis, c.CONSUMER_HEARTBEAT, consumer, idle=0)
+    deadline = borrow(drive, axis, c.rpdo(1).timer, options.heartbeat_timeout_ms, idle=0)
     reaction = settle(drive, o.ABORT_CONNECTION, options.abort_connection_option)
     quick = settle(drive, o.QUICK_STOP_OPTION, options.quick_stop_option)
     axis.machine = axis.new_machine(quick.value)

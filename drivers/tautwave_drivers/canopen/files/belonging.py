@@ -1,0 +1,115 @@
+"""Whose drive a DCF is: its values belong to one node, and to one kind of device."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from tautwave.errors import ConfigError
+from tautwave_drivers.canopen.files.reading import DeviceFile, Setting, read_device_file
+from tautwave_drivers.canopen.files.values import integer
+from tautwave_drivers.cia402 import communication as c
+
+IDENTITY = {
+    "vendor": (c.VENDOR_ID, "vendornumber"),
+    "product": (c.PRODUCT_CODE, "productnumber"),
+}
+"""What a file says of its device: an object, and the field of [DeviceInfo] where that is empty."""
+
+
+def identity_of(file: DeviceFile) -> dict[str, int]:
+    """Return vendor and product as far as the file states them; 0 states nothing."""
+    stated = {
+        name: file.number(entry) or integer(file.info.get(key))
+        for name, (entry, key) in IDENTITY.items()
+    }
+    return {name: value for name, value in stated.items() if value}
+
+
+def of_another(file: DeviceFile, drive: Mapping[str, int | None], whose: str) -> str:
+    """Return why the values of a DCF are not for this drive, '' if nothing says so."""
+    if not has_values(file):
+        return ""
+    for name, value in identity_of(file).items():
+        wanted = drive.get(name)
+        if wanted is not None and wanted != value:
+            return (
+                f"{file.path} is for {name} 0x{value:X}, but {whose} 0x{wanted:X}; export a DCF "
+                "from this drive"
+            )
+    return ""
+
+
+def has_values(file: DeviceFile) -> bool:
+    """Return whether it has parameter values: whether it is a DCF."""
+    return any(one.value is not None and one.value.text for one in file.objects.values())
+
+
+def parameters(file: DeviceFile, node_id: int) -> list[Setting]:
+    """Return the parameter values of a DCF.
+
+    Raises
+    ------
+    ConfigError
+        One cannot be read, or does not fit its type.
+    """
+    found = list(file.settings(node_id))
+    problems = [one for one in found if isinstance(one, str)]
+    if problems:
+        raise ConfigError(problems)
+    return [one for one in found if not isinstance(one, str)]
+
+
+class Use(NamedTuple):
+    """A file in a rig: the axis, its node, the path, and the identity that the rig expects."""
+
+    axis: str
+    node: int
+    path: str
+    identity: Mapping[str, int | None]
+
+
+def check_files(uses: Sequence[Use]) -> None:
+    """Check the EDS and DCF files of a bus.
+
+    Raises
+    ------
+    ConfigError
+        A file cannot be read, is another drive's, or has a value that its object cannot take.
+    """
+    problems = list(_problems(uses))
+    if problems:
+        raise ConfigError(problems)
+
+
+def _problems(uses: Sequence[Use]) -> Iterator[str]:
+    sharing: defaultdict[Path, list[int]] = defaultdict(list)
+    for use in uses:
+        sharing[Path(use.path).resolve()].append(use.node)
+    for name, node, path, identity in uses:
+        try:
+            file = read_device_file(path)
+            parameters(file, node)
+        except ConfigError as err:
+            yield from (f"{name}: {text}" for text in err.problems)
+            continue
+        both = sharing[Path(path).resolve()]
+        stated = file.node_id if has_values(file) else None
+        if stated is not None and len(both) > 1:
+            if node == both[0]:
+                listed = " and ".join(str(number) for number in both)
+                yield (
+                    f"{name}: {path} is given to nodes {listed}, but is that of node {stated} "
+                    "(NodeID in it); give each node its own, or remove NodeID from it if its "
+                    "values suit all of them"
+                )
+        elif stated is not None and stated != node:
+            yield (
+                f"{name}: {path} is the DCF of node {stated} (NodeID in it), but the rig gives "
+                f"it to node {node}; export one from that drive, or correct the rig"
+            )
+        problem = of_another(file, identity, "the rig expects")
+        if problem:
+            yield f"{name}: {problem}, or correct identity in the rig"

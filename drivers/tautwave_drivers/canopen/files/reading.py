@@ -1,0 +1,355 @@
+"""EDS and DCF files as vendors write them, with the line of everything that a drive may be given.
+
+Source: CiA 306-1. Read here and not by the canopen library, whose reader (2.4) stops at what
+vendors' tools take: comments by `//`, a section or key that comes twice, keys without a type or a
+name, sub-objects before their object, upper-case `SUB`, values in `[1234Value]`; and it drops a
+value that it cannot read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+from tautwave.config.guard import read_guarded
+from tautwave.errors import ConfigError
+from tautwave_drivers.canopen.files.values import TYPES, UnreadableError, encode, integer
+from tautwave_drivers.cia402.entry import Entry
+from tautwave_drivers.cia402.objects import find
+
+LARGEST = 4 * 1024 * 1024
+"""Bytes; files of large servo families have some 1 MB."""
+MOST_OBJECTS = 20_000
+MOST_SUBS = 254
+
+_SINGLE = (2, 7)
+"""Object types DOMAIN and VAR."""
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_SECTION = re.compile(r"\[\s*([^\]]*?)\s*\]")
+_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2}))?")
+_LIST = re.compile(r"([0-9a-f]{4})(name|value|denotation|objectlinks)")
+_OTHERS = re.compile(
+    "fileinfo|deviceinfo|comments|dummyusage|(mandatory|optional|manufacturer)objects|"
+    "devicecomm?issioning|connecteddevices|standarddatatypes|dynamicchannels|supportedmodules|"
+    r"m\d+(moduleinfo|comments|fixedobjects|subext\w*)|tools|tool\d+"
+)
+"""Sections that hold no objects, by CiA 306."""
+_PLAIN = re.compile("info|issioning|comments|dummyusage")
+"""Sections whose keys are words: a number there was an object's."""
+_COMMENTS = (";", "#", "//")
+_KNOWN = {
+    *("parametername", "objecttype", "datatype", "accesstype", "defaultvalue", "parametervalue"),
+    *("pdomapping", "lowlimit", "highlimit", "subnumber", "objflags", "compactsubobj"),
+    *("storagelocation", "denotation", "uploadfile", "downloadfile", "srdomapping"),
+    *("factor", "unit", "description"),  # of the canopen library
+}
+"""Keys of an object's section."""
+
+
+class Text(NamedTuple):
+    """A value and its line."""
+
+    text: str
+    line: int
+
+
+class _Section(NamedTuple):
+    name: str
+    line: int
+    fields: dict[str, Text]
+
+    def get(self, key: str) -> str | None:
+        found = self.fields.get(key)
+        return None if found is None else found.text
+
+
+@dataclass(frozen=True, slots=True)
+class FileObject:
+    """One object of a file: address, name, data type (None: not given), access, texts of values."""
+
+    index: int
+    sub: int
+    name: str
+    kind: int | None
+    access: str
+    default: str | None
+    value: Text | None
+    mappable: bool
+
+    @property
+    def address(self) -> str:
+        """Index and sub-index as text: `6040:00`."""
+        return f"{self.index:04X}:{self.sub:02X}"
+
+    @property
+    def writable(self) -> bool:
+        """Whether it can be written, as far as the file says: AccessType may be missing or odd."""
+        return self.access not in ("ro", "const")
+
+
+class Setting(NamedTuple):
+    """A parameter value of a DCF: the object, and its value as bytes."""
+
+    object: FileObject
+    data: bytes
+    line: int
+
+
+class DeviceFile(NamedTuple):
+    """What an EDS or DCF file says.
+
+    `objects` by index and sub-index, in the order of the file; `info` are the fields of
+    [DeviceInfo] by lower-case key; `node_id` is that of [DeviceCommissioning], None where it names
+    none; `remarks` are sentences on what was odd.
+    """
+
+    path: str
+    objects: dict[tuple[int, int], FileObject]
+    info: dict[str, str]
+    node_id: int | None
+    remarks: tuple[str, ...]
+
+    def number(self, entry: Entry, node_id: int | None = None) -> int | None:
+        """Return the value of an object as the file has it, else its default, else None."""
+        found = self.objects.get((entry.index, entry.sub))
+        if found is None:
+            return None
+        return integer(found.value.text if found.value else found.default, node_id)
+
+    def settings(self, node_id: int) -> Iterator[Setting | str]:
+        """Yield the parameter values of objects that can be written; a sentence for a wrong one."""
+        for one in self.objects.values():
+            if one.value is None or not one.value.text or not one.writable:
+                continue
+            text, line = one.value
+            try:
+                yield Setting(one, encode(text, one.kind, node_id), line)
+            except UnreadableError as err:
+                yield (
+                    f"{self.path}:{line}: {one.address} {one.name} has the value {text[:40]!r}, "
+                    f"which is {err}; correct it, or remove the line"
+                )
+
+
+def read_device_file(path: str) -> DeviceFile:
+    """Return what an EDS or DCF file says.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read or is not such a file.
+    """
+    where = Path(path)
+    if where.suffix.lower() not in (".eds", ".dcf"):
+        raise ConfigError(f"{path}: not an EDS or DCF file (.eds, .dcf)")
+    try:
+        state = where.stat()
+    except OSError:
+        return _read(path, 0, 0)  # says why
+    return _read(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=16)
+def _read(path: str, mtime_ns: int, size: int) -> DeviceFile:
+    raw = read_guarded(Path(path), "EDS or DCF file", LARGEST, ("latin-1",)).encode("latin-1")
+    text = _decoded(raw)
+    remarks: list[str] = []
+    sections = _sections(path, text, remarks)
+    objects = _objects(path, sections)
+    if not objects:
+        raise ConfigError(
+            f"{path}: not an EDS or DCF file: it defines no objects; use the one from the drive's "
+            "vendor"
+        )
+    info = {key: one.text for key, one in _fields(sections, "deviceinfo").items()}
+    commissioning = {
+        **_fields(sections, "devicecommissioning"),
+        **_fields(sections, "devicecomissioning"),  # as CiA 306 spells it
+    }
+    stated = commissioning.get("nodeid")
+    node_id = integer(stated.text) if stated else None
+    node_id = node_id if node_id is not None and 1 <= node_id <= 127 else None
+    return DeviceFile(path, objects, info, node_id, tuple(remarks))
+
+
+def _decoded(raw: bytes) -> str:
+    """Return the text: CiA 306 says ASCII, but vendors' editors write what their Windows has."""
+    zeros = raw[:400].count(0), raw[:400:2].count(0)
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        text = raw.decode("utf-16", "replace")
+    elif zeros[0] > len(raw[:400]) // 3:
+        text = raw.decode("utf-16-be" if 2 * zeros[1] > zeros[0] else "utf-16-le", "replace")
+    else:
+        for encoding in ("utf-8-sig", "cp1252", "gbk", "latin-1"):
+            try:
+                text = raw.decode(encoding)
+                break
+            except UnicodeDecodeError:
+                continue
+    return text.replace("\0", "").replace("\x1a", "\n")  # padding, and the end of a file in DOS
+
+
+def _fields(sections: dict[str, _Section], name: str) -> dict[str, Text]:
+    return sections[name].fields if name in sections else {}
+
+
+def _sections(path: str, text: str, remarks: list[str]) -> dict[str, _Section]:
+    """Return the sections by lower-case name; what comes twice counts as it comes last."""
+    found: dict[str, _Section] = {}
+    section: _Section | None = None
+    twice: list[str] = []
+    odd: list[str] = []
+    for at, raw in enumerate(_LINE_END.split(text), 1):
+        line = raw.strip()
+        if not line or line.startswith(_COMMENTS):
+            continue
+        head = _SECTION.match(line)
+        if head:
+            name = head[1].lower()
+            if not (_OBJECT.fullmatch(name) or _LIST.fullmatch(name) or _OTHERS.fullmatch(name)):
+                odd.append(f"[{head[1][:40]}] (line {at})")
+            if name in found:
+                twice.append(f"[{head[1]}] (line {at})")
+            section = found.setdefault(name, _Section(head[1], at, {}))
+            continue
+        key, given, value = line.partition("=" if "=" in line else ":")
+        key = "".join(key.split()).lower()
+        if section is None:  # a title, or what a tool left there
+            if "=" in line:
+                odd.append(f"{line[:40]!r} (line {at})")
+            continue
+        own = _OBJECT.fullmatch(section.name.lower())
+        if not given:
+            if line[0] == "[" or line[-1] == "]" or (own and key.startswith("parametervalue")):
+                raise ConfigError(
+                    f"{path}:{at}: {line[:40]!r} is neither a section in brackets nor a key with "
+                    "its value; correct it"
+                )
+            odd.append(f"{line[:40]!r} (line {at})")
+            continue
+        if key in section.fields:
+            twice.append(f"{key} in [{section.name}] (line {at})")
+        elif (own and key not in _KNOWN) or (key.isdigit() and _PLAIN.search(section.name.lower())):
+            odd.append(f"{key[:40]!r} (line {at})")
+        section.fields[key] = Text(re.split(r"\s;", value, maxsplit=1)[0].strip(), at)
+    for kind, what in ((twice, "comes twice, and counts as it comes last"), (odd, "is not used")):
+        if kind:
+            more = f" and {len(kind) - 3} more" if len(kind) > 3 else ""
+            remarks.append(f"{path}: {', '.join(kind[:3])}{more}: {what}")
+    return found
+
+
+def _objects(path: str, sections: dict[str, _Section]) -> dict[tuple[int, int], FileObject]:
+    """Return all objects, by the order in which their indices first come."""
+    parents: dict[int, _Section] = {}
+    subs: dict[int, dict[int, _Section]] = {}
+    lists: dict[tuple[int, str], _Section] = {}
+    for name, section in sections.items():
+        own, listed = _OBJECT.fullmatch(name), _LIST.fullmatch(name)
+        if own and own[2] is None:
+            parents[int(own[1], 16)] = section
+            subs.setdefault(int(own[1], 16), {})
+        elif own:
+            subs.setdefault(int(own[1], 16), {})[int(own[2], 16)] = section
+        elif listed:
+            lists[int(listed[1], 16), listed[2]] = section
+            subs.setdefault(int(listed[1], 16), {})
+        elif "parametervalue" in section.fields:
+            raise ConfigError(
+                f"{path}:{section.fields['parametervalue'].line}: a ParameterValue in "
+                f"[{section.name[:40]}], which names no object; correct the name of the section"
+            )
+    found: dict[tuple[int, int], FileObject] = {}
+    for index, members in subs.items():
+        parent = parents.get(index)
+        names, values = (lists.get((index, kind)) for kind in ("name", "value"))
+        for one in _members(path, sections, index, parent, members, names, values):
+            found[index, one.sub] = one
+        if len(found) > MOST_OBJECTS:
+            raise ConfigError(f"{path}: more than {MOST_OBJECTS} objects, so no drive's file")
+    return found
+
+
+def _members(
+    path: str,
+    sections: dict[str, _Section],
+    index: int,
+    parent: _Section | None,
+    members: dict[int, _Section],
+    names: _Section | None,
+    values: _Section | None,
+) -> Iterator[FileObject]:
+    """Yield one object, or its sub-objects: in sections of their own, or compact."""
+    compact = integer(parent.get("compactsubobj")) if parent else None
+    if compact is not None and not 0 <= compact <= MOST_SUBS:
+        assert parent is not None
+        line = parent.fields["compactsubobj"].line
+        raise ConfigError(
+            f"{path}:{line}: CompactSubObj is {compact}; an object has {MOST_SUBS} sub-indices at "
+            "most"
+        )
+    listed = {sub: text for sub, text in _listed(path, values) if text.text}
+    titles = dict(_listed(path, names))
+    if parent is not None:
+        alone = not (members or compact or listed)
+        if alone or (0 not in members and integer(parent.get("objecttype")) in _SINGLE):
+            yield _object(sections, index, 0, parent, listed.pop(0, None))
+        elif parent.get("parametervalue"):
+            raise ConfigError(
+                f"{path}:{parent.fields['parametervalue'].line}: a ParameterValue in "
+                f"[{parent.name}], whose values belong to its sub-objects; correct it"
+            )
+    own = _Section("", 0, {}) if parent is None else parent
+    numbers = range(1, (compact or 0) + 1)
+    for sub in sorted({*members, *numbers, *listed}):
+        if sub in members:
+            yield _object(sections, index, sub, members[sub], listed.get(sub))
+        else:
+            title = titles.get(sub)
+            yield _object(sections, index, sub, own, listed.get(sub), title.text if title else "")
+
+
+def _listed(path: str, section: _Section | None) -> Iterator[tuple[int, Text]]:
+    """Yield what a section lists by sub-index: names or values of compact sub-objects."""
+    for key, value in (section.fields if section else {}).items():
+        sub = integer(key)
+        if key == "nrofentries":
+            continue
+        if sub is None or not 0 <= sub <= MOST_SUBS:
+            assert section is not None
+            raise ConfigError(
+                f"{path}:{value.line}: {key[:20]!r} in [{section.name}] is no sub-index (0 to "
+                f"{MOST_SUBS})"
+            )
+        yield sub, value
+
+
+def _object(
+    sections: dict[str, _Section],
+    index: int,
+    sub: int,
+    section: _Section,
+    listed: Text | None,
+    title: str = "",
+) -> FileObject:
+    kind = integer(section.get("datatype"))
+    known = find(index, sub)
+    if kind is None and known is not None:
+        kind = TYPES[known.type]
+    if kind is not None and kind > 0x1B:  # a file's own type, defined by its index (CANFestival)
+        own = sections.get(f"{kind:04x}sub1") or sections.get(f"{kind:x}sub1")
+        kind = integer(own.get("defaultvalue")) if own else kind
+    return FileObject(
+        index,
+        sub,
+        title or section.get("parametername") or "(without a name)",
+        kind,
+        (section.get("accesstype") or "").lower(),
+        section.get("defaultvalue"),
+        listed or section.fields.get("parametervalue"),
+        bool(integer(section.get("pdomapping"))),
+    )

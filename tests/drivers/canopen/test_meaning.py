@@ -1,0 +1,192 @@
+"""What changes the meaning of a number on the bus is right, or refused before any torque.
+
+The drive is a foreign one: its motor's angle and torque are the truth, and every object of the
+factor group changes what the bus shows of them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+from tautwave.errors import DriverError
+from tautwave_drivers.canopen.setup.meaning import TABLE
+from tests.drivers.canopen.foreign import Foreign, foreign, remedies
+from tests.foreign.cia402 import ForeignDrive, Key
+
+INCREMENTS, TENTH_DEGREE, REV, TURNS_PER_MINUTE = 0x00B50000, 0xFF410000, 0x00B40000, 0x00B44700
+COUNT = math.tau / 4096
+
+OTHERS: dict[Key, tuple[int, ...]] = {
+    (0x607E, 0): (0, 0x20, 0x40, 0x80, 0xA0, 0xC0, 0xE0),
+    (0x607C, 0): (0, 1, -500),
+    (0x60A8, 0): (0, INCREMENTS, TENTH_DEGREE, 0xFD410000, REV, 0xFA010000, 0x00770000),
+    (0x608F, 1): (4096, 1000, 40960, 1),
+    (0x608F, 2): (1, 2, 0),
+    (0x60A9, 0): (0, 0x00B50300, TURNS_PER_MINUTE, 0xFFB44700, 0x00770300),
+    (0x6075, 0): (1000, 0),
+    (0x6076, 0): (500, 0, 499, 5000, 500_000),
+    (0x6072, 0): (3000, 800, 799, 0),
+    (0x60E0, 0): (3000, 800, 799, 0),
+    (0x60E1, 0): (3000, 800, 799, 0),
+    (0x6080, 0): (5000, 144, 143, 0),
+    (0x60B2, 0): (0, 300, -300),
+    (0x60B0, 0): (0, 300),
+    (0x60B1, 0): (0, 300),
+}
+"""Values of single objects: what leaves all alone, and others."""
+
+FACTORS: dict[int, tuple[tuple[int, int], ...]] = {
+    0x6090: ((1, 1), (4096, 1), (8192, 2), (1000, 1)),
+    0x6091: ((1, 1), (7, 1), (2, 2), (0, 0)),
+    0x6092: ((1, 1), (4096, 1), (3600, 1), (40960, 10)),
+    0x6093: ((1, 1), (3, 3), (128, 10)),
+    0x6094: ((1, 1), (2, 1)),
+    0x6095: ((1, 1), (2, 1)),
+    0x6096: ((1, 1), (3, 2)),
+    0x607B: ((0, 0), (-(1 << 31), (1 << 31) - 1), (0, 4095)),
+}
+"""Values of the objects with two sub-indices."""
+
+CASES: list[dict[Key, int]] = [
+    *({key: value} for key, values in OTHERS.items() for value in values),
+    *(
+        {(index, 0): 2, (index, 1): first, (index, 2): second}
+        for index, pairs in FACTORS.items()
+        for first, second in pairs
+    ),
+    {(0x60A8, 0): TENTH_DEGREE, (0x6091, 1): 7, (0x6091, 2): 1},
+    {(0x6092, 1): 28672, (0x6092, 2): 1, (0x6091, 1): 7, (0x6091, 2): 1},
+    {(0x60A9, 0): TURNS_PER_MINUTE, (0x6090, 1): 1000, (0x6090, 2): 1},
+]
+NEUTRAL: list[dict[Key, int]] = [
+    {(0x607E, 0): 0},
+    {(0x60A8, 0): INCREMENTS},
+    {(0x608F, 1): 1},
+    {(0x6091, 0): 2, (0x6091, 1): 1, (0x6091, 2): 1},
+    {(0x6092, 0): 2, (0x6092, 1): 40960, (0x6092, 2): 10},
+    {(0x60E0, 0): 800, (0x60E1, 0): 800},
+    {(0x60B2, 0): 300},
+    {(0x6080, 0): 144},
+]
+"""Some that have to go through: a driver that refuses everything would pass the rest."""
+
+
+def named(case: dict[Key, int]) -> str:
+    return " ".join(f"{index:04X}:{sub}={value}" for (index, sub), value in case.items())
+
+
+def measured_rightly(rig: Foreign, causality: str) -> None:
+    """Torques, velocities and positions are what the motor has."""
+    rig.enable()
+    drive: ForeignDrive = rig.drive
+    for _ in range(5):  # until the motor turns
+        rig.cycle(0.1, 2.0)
+    for _ in range(10):
+        before = drive.angle
+        (state,) = rig.cycle(0.1, 2.0)
+        assert state.position == pytest.approx(before, abs=2 * COUNT + 0.004 * drive.speed)
+        if causality == "impedance":
+            assert drive.torque == pytest.approx(0.1, abs=5e-4)
+        else:
+            assert drive.speed == pytest.approx(2.0, rel=1e-3)
+    assert drive.angle > 0.01
+    rig.driver.close()
+
+
+@pytest.mark.parametrize("causality", ["impedance", "admittance"])
+@pytest.mark.parametrize("case", CASES, ids=named)
+def test_a_number_means_what_the_rig_says_or_the_drive_is_refused(
+    case: dict[Key, int], causality: str
+) -> None:
+    rig = foreign(case, causality=causality)
+    try:
+        measured_rightly(rig, causality)
+    except DriverError as err:
+        sentence = str(err)
+        assert rig.drive.state == "disabled"
+        assert rig.drive.angle == 0.0
+        assert any(f"{index:04X}:" in sentence for index, _ in case), sentence
+        assert not any(case == allowed for allowed in NEUTRAL), sentence
+
+
+@pytest.mark.parametrize("case", NEUTRAL, ids=named)
+def test_values_that_leave_everything_alone_are_not_refused(case: dict[Key, int]) -> None:
+    measured_rightly(foreign(case), "impedance")
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda row: row.entries[0].address)
+def test_every_row_of_the_table_is_tried(row: object) -> None:
+    tried = {key for case in CASES for key in case}
+    assert {(entry.index, entry.sub) for entry in row.entries} <= tried  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("case", "first", "said"),
+    [
+        ({(0x607E, 0): 0x80}, {}, "607E:00 polarity is 0x80; right .* is 0 alone: set it to 0"),
+        (
+            {(0x60A8, 0): TENTH_DEGREE},
+            {},
+            r"is 0xFF410000 \(10\*\*-1 deg\); .* 3600 counts .* the rig states 4096; state counts",
+        ),
+        ({(0x607C, 0): -500}, {}, "607C:00 home offset is -500; .*state home_offset: -500"),
+        ({(0x608F, 1): 2000}, {}, "608F:01 encoder increments is 2000.*state counts_per_rev"),
+        ({(0x6076, 0): 0}, {}, "motor rated torque is 0; .*set it to 500 .mN m"),
+        ({(0x6076, 0): 700}, {}, "state rated_torque: 0.7 in the rig .*or set 6076h to 500"),
+        (
+            {(0x60A8, 0): TENTH_DEGREE, (0x608F, 1): 1024},
+            {"counts_per_revolution": 3600},
+            "608F:01 .*only 1024 increments per motor turn for the 3600 position units",
+        ),
+        (
+            {(0x60A8, 0): 0xFA010000},
+            {},
+            r"0xFA010000 \(10\*\*-6 m\).*: a length, but the axis is rotary",
+        ),
+        (
+            {(0x60A8, 0): 0x00770000},
+            {},
+            "unit 77h of CiA 303-2.*does not know that unit; set it to",
+        ),
+    ],
+)
+def test_a_refusal_says_object_value_what_is_right_and_how(
+    case: dict[Key, int], first: dict[str, object], said: str
+) -> None:
+    sentence = foreign(case, first=first).refused()
+    assert sentence.startswith("master.a1 (node 1): ")
+    assert re.search(said, sentence), sentence
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {(0x60A8, 0): TENTH_DEGREE},
+        {(0x608F, 1): 2000},
+        {(0x6092, 0): 2, (0x6092, 1): 3600, (0x6092, 2): 1},
+        {(0x6076, 0): 700},
+        {(0x607C, 0): -500},
+    ],
+    ids=named,
+)
+def test_what_a_refusal_tells_to_state_is_what_runs(case: dict[Key, int]) -> None:
+    (remedy,) = remedies(foreign(case).refused())
+    key, value = remedy.split(": ")
+    stated = foreign(case, first={key: float(value) if "." in value else int(value)})
+    if key == "home_offset":  # a zero elsewhere; the rest as before
+        stated.enable()
+        (state,) = stated.cycle()
+        assert state.position == pytest.approx(-500 * COUNT)
+        stated.driver.close()
+    else:
+        measured_rightly(stated, "impedance")
+
+
+def test_a_velocity_unit_of_increments_is_one_count_per_second() -> None:
+    case = {(0x60A9, 0): 0x00B50300}
+    said = foreign(case, causality="admittance", first={"velocity_factor": 7.0}).refused()
+    assert "one unit is 1 counts/s, but the rig states velocity_factor 7" in said
+    measured_rightly(foreign(case, causality="admittance"), "admittance")

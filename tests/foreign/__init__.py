@@ -1,0 +1,1 @@
+"""Devices written apart from our simulators and drivers, from the standards alone."""
