@@ -238,20 +238,28 @@ def test_a_motor_too_weak_for_its_load_is_refused() -> None:
         load_reserves(rig)
 
 
-def load_verdict(*more: str, taken: float = 0.0) -> Any:
+LATE, NO_WALL = (
+    "buses.arm.options={command_delay_s: 0.0025}",
+    "coupling.pairs.lever.wall_slave=null",
+)
+
+
+def load_verdict(*more: str) -> Any:
     rig = load_rig(SHIPPED, list(more))
-    return rig, load_element(rig, "slave.lever", command_delays(rig), taken)
+    return rig, load_element(rig, "slave.lever", command_delays(rig))
 
 
 def test_carrying_takes_damping_and_the_verdict_says_how_much() -> None:
-    rig, element = load_verdict(LOAD, "buses.arm.options={command_delay_s: 0.0025}")
+    rig, element = load_verdict(LOAD, LATE, NO_WALL)
     slope = np.hypot(0.3, 0.1)
     assert load_stiffnesses(rig, "slave")["slave.lever"] == pytest.approx(slope)
     assert element.numbers["needed_damping"] == pytest.approx(slope * 1e-3 * (1 + 2 * 2.5))
     assert command_delays(rig)["slave.lever"].periods == 2
     assert element.passive.passed
     assert not element.passive_quantised.passed  # coulomb.lower is 0
-    _, heavy = load_verdict("slave.axes.lever.load.sine=0.9", "slave.axes.lever.damping=0.0008")
+    _, heavy = load_verdict(
+        "slave.axes.lever.load.sine=0.9", "slave.axes.lever.damping=0.0008", NO_WALL
+    )
     assert not heavy.passive.passed
     assert "raise rate_hz to 1125" in heavy.passive.reason
     _, none = load_verdict("slave.axes.lever.load.sine=0.9", "slave.axes.lever.damping=0")
@@ -259,7 +267,7 @@ def test_carrying_takes_damping_and_the_verdict_says_how_much() -> None:
 
 
 def test_a_wall_leaves_less_for_the_load() -> None:
-    _, element = load_verdict("slave.axes.lever.load.sine=0.5", taken=1.9e-3)
+    _, element = load_verdict("slave.axes.lever.load.sine=0.5")
     assert element.numbers["damping_margin"] == pytest.approx(2e-3 - 1.9e-3 - 5e-4)
     assert "of which a wall uses 0.0019" in element.passive.reason
 

@@ -239,7 +239,7 @@ def test_it_is_ramped_no_faster_than_efforts_may_change() -> None:
 
 def test_check_states_what_an_engagement_may_supply() -> None:
     rig = load_rig(BENCH, list(RIG))
-    found = load_element(rig, "master.lever", declared_delays(rig), 0.0)
+    found = load_element(rig, "master.lever", declared_delays(rig))
     assert found is not None
     # From the end of the slave's range, 0.5 rad, the hand may move on by 1 rad as it lets go.
     assert found.numbers["engage_j"] == pytest.approx(1.1 * 0.05 * (1.0 - math.cos(1.5)), rel=1e-4)
@@ -358,7 +358,7 @@ def test_what_an_engagement_of_arms_may_supply_is_from_straight_down_to_straight
     most = (weigh(up)[1] - weigh(down)[1]) / power
     assert most < felt_swing(rig) < 1.12 * most
     delays = declared_delays(rig)
-    found = [load_element(rig, f"master.{name}", delays, 0.0) for name in names]
+    found = [load_element(rig, f"master.{name}", delays) for name in names]
     assert [one is not None and "engage_j" in one.numbers for one in found] == [True, *[False] * 5]
 
 

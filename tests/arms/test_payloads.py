@@ -154,12 +154,12 @@ def test_verdict_and_room_are_those_of_the_heaviest() -> None:
     assert load_stiffnesses(rig, "slave") == load_stiffnesses(heavy, "slave")
     assert load_reserves(rig) == load_reserves(heavy)
     delays = declared_delays(rig)
-    found = load_element(rig, "slave.waist", delays, 0.0)
+    found = load_element(rig, "slave.waist", delays)
     assert found is not None
     # 0.6 kg at the tip, over all heights that it reaches
     assert found.numbers["payload_j"] == pytest.approx(1.1 * 0.6 * 9.81 * 1.1, rel=0.15)
     assert "may supply" in found.passive.reason
-    bare = load_element(light, "slave.waist", delays, 0.0)
+    bare = load_element(light, "slave.waist", delays)
     assert bare is not None
     assert "payload_j" not in bare.numbers
 

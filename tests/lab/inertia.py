@@ -116,7 +116,8 @@ def attack(seed: int, *, account: bool = True) -> Attack:
     known = CoupledAxis(
         PERIOD, 1.0, axis.inertia.lower, 0.0, noise, late, 0.0, velocity_limit=limit
     )
-    own = inertia_params(axis, known)
+    taken = axis.compensation.inertia if axis.compensation else 0.0
+    own = inertia_params(axis, known, taken, axis.coulomb.value)
     funds = own.account.reserve + own.account.debt
     if not account:
         own = own._replace(account=own.account._replace(reserve=INF, capacity=INF))

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from tautwave.config import load_rig
-from tautwave.rig import Assembly
+from tautwave.rig import Assembly, command_delays
 from tautwave.rig.controller import site_params
 from tautwave.session.facts import pair_facts
 from tests.rigs.running import Run, Tree, pair_of, rig_of, run_rig, tree
@@ -243,6 +243,9 @@ def test_commands_are_in_steps_of_what_an_axis_takes() -> None:
     keys = ("effort_quantum=0.001", "velocity_quantum=0.002")
     changes = [f"{side}.axes.lever.{key}" for side in ("master", "slave") for key in keys]
     rig = load_rig(CONFIGS / "bench-admittance-loopback.yaml", changes)
-    master, slave = site_params(rig, "master.lever"), site_params(rig, "slave.lever")
+    delays = command_delays(rig)
+    master, slave = (
+        site_params(rig, name, delays[name]) for name in ("master.lever", "slave.lever")
+    )
     assert (master.limit.effort_quantum, master.velocity_quantum) == (1e-3, 0.0)
     assert (slave.limit.effort_quantum, slave.velocity_quantum) == (0.0, 2e-3)

@@ -112,7 +112,7 @@ def test_a_port_knows_the_rate_that_it_has(name: str) -> None:
     delays = command_delays(rig)
     for axis_name in rig.axes:
         ramp = end_constants(rig, axis_name, delays[axis_name]).port.ramp
-        step = site_params(rig, axis_name).limit.effort_step
+        step = site_params(rig, axis_name, delays[axis_name]).limit.effort_step
         assert 2.0 * ramp.half_step == pytest.approx(step, rel=1e-12)
         claim = claim_of(rig, axis_name, delays)
         assert isinstance(claim, Claim)

@@ -13,7 +13,7 @@ from tautwave.certificate.belief import declared_delays, delay_in_periods
 from tautwave.certificate.verdict import certify
 from tautwave.certificate.walls import wall_name
 from tautwave.config import Rig, Wall, local_wall
-from tautwave.rig import at_axis_rate
+from tautwave.rig import at_axis_rate, axis_allowance
 
 RESOLUTION_S = 1.1e-6
 """[s] A measured period this close counts as nominal: the loop's histogram has bins of 1 us."""
@@ -90,7 +90,8 @@ def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
             # A slow axis waits for its bus period, one cycle of which may be late.
             held = max(held, own.period_s - rig.period_s + measured.worst_period_s)
         delay = delay_in_periods(own, delays[axis_name])
-        recomputed = _wall(own, axis_name, wall, delay, held, measured)
+        present = axis_allowance(rig, axis_name, delays[axis_name]).free_damping
+        recomputed = _wall(own, axis_name, wall, delay, held, present, measured)
         walls[axis_name] = recomputed
         if not recomputed["passed"] and rig.require != "coupled_stable":
             sentences.append(recomputed["sentence"])
@@ -108,7 +109,13 @@ def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
 
 
 def _wall(
-    rig: Rig, axis_name: str, wall: Wall, delay: float, held: float, measured: Measured
+    rig: Rig,
+    axis_name: str,
+    wall: Wall,
+    delay: float,
+    held: float,
+    present: float,
+    measured: Measured,
 ) -> dict[str, Any]:
     """Return the verdict on a wall for the longest time its effort was held."""
     axis = rig.axes[axis_name]
@@ -122,7 +129,6 @@ def _wall(
         axis.velocity_filter_s,
     )
     needed = wall_leak(sampled).damping
-    present = axis.damping.lower
     regular = longest <= rig.period_s + RESOLUTION_S and periods == delay
     balance = measured.balance_j.get(axis_name) if measured.latched and periods == delay else None
     kept = balance is not None and balance >= 0.0

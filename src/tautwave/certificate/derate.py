@@ -12,7 +12,7 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import sampled_wall
 from tautwave.config import Axis, Rig, Wall, local_wall, replace_wall
-from tautwave.rig import at_axis_rate, coupling_part
+from tautwave.rig import at_axis_rate, axis_allowance, coupling_part
 from tautwave.types import CommandDelay
 
 DIGITS = 6
@@ -60,7 +60,7 @@ def _limit(
         return _stable_limit(rig, axis_name, wall, delays)
     sampled = sampled_wall(at_axis_rate(rig, axis_name), axis_name, wall, delays[axis_name])
     axis = rig.axes[axis_name]
-    damping = axis.damping.lower
+    damping = axis_allowance(rig, axis_name, delays[axis_name]).free_damping
     if coupling_part(rig).carries == "waves":
         damping *= 1.0 - PORT_SHARE
     controlled = wall.passivity_control and sampled.delay == 0.0

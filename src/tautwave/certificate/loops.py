@@ -30,6 +30,7 @@ from tautwave.certificate.data import LoopCase, PairLoop, Verdict
 from tautwave.config import EnvironmentPart, Rig, Wall, local_wall
 from tautwave.rig import (
     at_axis_rate,
+    axis_allowance,
     coupling_part,
     end_constants,
     velocity_gain,
@@ -260,17 +261,18 @@ def believed_parts(
     """Return device and site of an impedance axis as the rig believes them; see `believed_end`."""
     axis, delay = rig.axes[axis_name], delays[axis_name]
     assert axis.inertia is not None
-    own = axis.inertia.lower if bound == "lower" else axis.inertia.value
+    has = axis_allowance(rig, axis_name, delay)
+    own = has.inertia if bound == "lower" else axis.inertia.value
     held = Contact(0.0, 0.0, "") if contact is None else contact
     device = Device(
         mass=own + _hand_mass(rig, axis_name, contact),
-        damping=(axis.damping.lower if damping is None else damping) + held.damping,
+        damping=(has.free_damping if damping is None else damping) + held.damping,
         stiffness=held.stiffness,
         command_delay=delay_in_periods(rig, delay),
     )
     site = Site(
         rig.period_s,
-        rig.period_s / (2.0 * axis.inertia.lower),
+        rig.period_s / (2.0 * has.inertia),
         velocity_gain(rig, axis),
         delay.periods,
         delay.remainder_s / rig.period_s,

@@ -12,6 +12,7 @@ from tautwave.config import Rig, Wall, local_wall
 from tautwave.rig import (
     at_axis_rate,
     at_full_rate,
+    axis_allowance,
     command_delays,
     one_way_delay,
     standing_offset,
@@ -53,11 +54,11 @@ def slow_costs(rig: Rig, axis_name: str, delays: Delays) -> dict[str, Any]:
     taus = one_way_delay(rig, pair, delays), one_way_delay(full, pair, prompt)
     offsets = standing_offset(rig, pair, delays), standing_offset(full, pair, prompt)
     walls = None
-    axis = rig.axes[axis_name]
-    if axis.causality == "impedance" and axis.damping.lower > 0.0:
+    damping = axis_allowance(rig, axis_name, delays[axis_name]).free_damping
+    if rig.axes[axis_name].causality == "impedance" and damping > 0.0:
         wall = local_wall(rig, axis_name) or PLAIN
         walls = tuple(
-            greatest_stiffness(sampled_wall(seen, axis_name, wall, delay), axis.damping.lower)
+            greatest_stiffness(sampled_wall(seen, axis_name, wall, delay), damping)
             for seen, delay in (
                 (at_axis_rate(rig, axis_name), delays[axis_name]),
                 (full, prompt[axis_name]),

@@ -9,9 +9,7 @@ from tautwave.certificate.beside.brakes import brake_elements
 from tautwave.certificate.beside.compensation import (
     compensation_elements,
     inertia_elements,
-    left_of_friction,
     lightened_loop,
-    spent_coulomb,
 )
 from tautwave.certificate.beside.loads import load_element
 from tautwave.certificate.buses import bus_elements, policy_elements
@@ -20,8 +18,8 @@ from tautwave.certificate.data import Certificate, Element, Verdict, join_verdic
 from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import wall_element
-from tautwave.config import Rig, local_wall
-from tautwave.rig import at_axis_rate
+from tautwave.config import Rig
+from tautwave.rig import allowances, at_axis_rate, axis_allowance
 from tautwave.types import CommandDelay
 
 PASSES = {
@@ -55,8 +53,6 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
     ConfigError
         A driver is not installed, or a number is out of range.
     """
-    friction = {name: axis.coulomb.lower for name, axis in rig.axes.items()}
-    friction.update(coulomb or {})
     delays = declared_delays(rig)
     if rig.scene is not None and rig.scene.dimension == 3:
         from tautwave.certificate.scene3d.verdict import scene3d_certificate
@@ -69,9 +65,11 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
 
         return scene_certificate(rig, delays, PASSES)
     brakes = tuple(brake_elements(rig, delays))
-    compensations = (*compensation_elements(rig), *inertia_elements(rig, delays))
-    rig = left_of_friction(rig)
-    friction = {name: left - spent_coulomb(rig, name) for name, left in friction.items()}
+    compensations = (*compensation_elements(rig, delays), *inertia_elements(rig, delays))
+    friction = {
+        name: (coulomb or {}).get(name, has.coulomb) - (has.coulomb - has.coupling_coulomb)
+        for name, has in allowances(rig, delays).items()
+    }
     rig, walls = derate_walls(rig, delays, friction)
     asked = {axis: wall["asked_stiffness"] for axis, wall in walls.items()}
     own = tuple(e for e in compensations if e.axis not in rig.axes or e.axis in rig.own_axes)
@@ -111,20 +109,10 @@ def _elements(
             wall = wall_element(own, axis_name, delays, coulomb, asked.get(axis_name, 0.0))
             if wall is not None:
                 yield wall
-            damping = _damping_of(rig, axis_name, wall)
-            load = load_element(rig, axis_name, delays, damping)
+            load = load_element(rig, axis_name, delays)
             if load is not None:
                 yield load
-                damping += float(load.numbers.get("needed_damping", 0.0))
-            yield from verdict.axis_elements(rig, axis_name, delays, damping)
+            has = axis_allowance(rig, axis_name, delays[axis_name])
+            taken = has.wall_damping + has.load_damping
+            yield from verdict.axis_elements(rig, axis_name, delays, taken)
         yield from verdict.pair_elements(rig, pair, delays)
-
-
-def _damping_of(rig: Rig, axis_name: str, wall: Element | None) -> float:
-    """Return the device damping that a wall requires; 0 if its passivity controller replaces it."""
-    if wall is None or "needed_damping" not in wall.numbers:
-        return 0.0
-    keys = local_wall(rig, axis_name)
-    needed = float(wall.numbers["needed_damping"])
-    spared = keys is not None and keys.passivity_control
-    return 0.0 if spared and wall.numbers["damping_margin"] < 0.0 else needed

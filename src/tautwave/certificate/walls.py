@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import joules
 from tautwave.analysis.walls.messages import (
     passivity_sentence,
@@ -27,8 +28,9 @@ from tautwave.certificate.belief import (
     delay_in_periods,
 )
 from tautwave.certificate.data import Element, Verdict
-from tautwave.config import Rig, Wall, greatest_push, local_wall
-from tautwave.rig import at_axis_rate, wall_params
+from tautwave.config import Rig, Wall, local_wall
+from tautwave.rig import axis_allowance, wall_params
+from tautwave.rig.allowance.filling import at_least, wall_push, wall_steepness
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
@@ -64,10 +66,10 @@ def wall_verdict(
     """Return the analysis of one wall on an impedance axis."""
     axis = rig.axes[axis_name]
     side, pair = axis_name.split(".")
-    assert axis.inertia is not None
+    has = axis_allowance(rig, axis_name, delays[axis_name])
     device = WallDevice(
-        axis.inertia.lower,
-        axis.damping.lower,
+        has.inertia,
+        has.free_damping,
         coulomb.get(axis_name, 0.0),
         # An effort truncated to its step is off by up to that step, like 2 / K of it in position.
         axis.encoder_quantum + 2.0 * axis.effort_quantum / wall.stiffness,
@@ -102,7 +104,8 @@ def wall_element(
         return Element(name, "wall", axis_name, verdict, verdict, numbers, (reason,))
     found = wall_verdict(rig, axis_name, wall, delays, coulomb)
     rotary = axis.kind == "rotary"
-    passive = _passive(rig, axis_name, wall, found, name, rotary)
+    has = axis_allowance(rig, axis_name, delays[axis_name])
+    passive = _passive(rig, axis_name, wall, found, has, name, rotary)
     quantum = quantum_sentence(found, name, rotary=rotary)
     sentences = [passive.reason]
     if asked > wall.stiffness:
@@ -115,7 +118,7 @@ def wall_element(
     if not passive.passed:
         sentences += adversary(rig, axis_name, wall, delays[axis_name], name)
     sentences += [quantum, stability_sentence(found, name, rotary=rotary)]
-    claim = wall_claim(rig, axis_name, wall, found.wall.delay)
+    claim = wall_claim(rig, axis_name, wall, delays[axis_name])
     if math.isfinite(claim):
         sentences.append(
             f"{name}: gives at most {joules(claim)} more than it took, in a host's stalls of up to "
@@ -142,8 +145,7 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
     from tautwave.analysis.exact.rational import Sampled, rational
     from tautwave.analysis.ports.necessity import User, destabilising_hand
 
-    axis = rig.axes[axis_name]
-    assert axis.inertia is not None
+    has = axis_allowance(rig, axis_name, delay)
     sampled = sampled_wall(rig, axis_name, wall, delay)
     law = wall_transfer(sampled)
     found = destabilising_hand(
@@ -152,11 +154,13 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
             sampled.period,
             sampled.delay * sampled.period,
         ),
-        device=User(axis.inertia.lower, axis.damping.lower),
+        device=User(has.inertia, has.free_damping),
     )
     if found is None:
         return []
-    numbers = found.sentence(rotary=axis.kind == "rotary").partition(" is unstable with this hand")
+    numbers = found.sentence(rotary=rig.axes[axis_name].kind == "rotary").partition(
+        " is unstable with this hand"
+    )
     return [f"{name}: unstable with this hand on the device{numbers[2]}."]
 
 
@@ -167,22 +171,29 @@ def wall_claims(rig: Rig) -> dict[str, float]:
     for name in rig.axes:
         wall = local_wall(rig, name)
         if wall is not None and rig.axes[name].causality == "impedance":
-            delay = delay_in_periods(at_axis_rate(rig, name), delays[name])
-            found[name] = wall_claim(rig, name, wall, delay)
+            found[name] = wall_claim(rig, name, wall, delays[name])
     return {name: claim for name, claim in found.items() if math.isfinite(claim)}
 
 
-def wall_claim(rig: Rig, axis_name: str, wall: Wall, delay: float) -> float:
+def wall_claim(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay) -> float:
     """Return the greatest debt of a wall after stalls of the host [J]; inf: no bound.
 
     What makes it pay is exact without command delay only, and must be able to take the effort away.
     """
-    axis = rig.axes[axis_name]
-    limit = axis.effort_rate_limit
-    prompt = limit is None or limit * rig.period_s >= greatest_push(axis, wall)
-    if delay > 0.0 or not prompt:
+    has = axis_allowance(rig, axis_name, delay)
+    if has.delay > 0.0 or not _is_prompt(has, _push(rig, axis_name, wall, has)):
         return math.inf
-    return wall_params(rig, axis_name).reserve
+    return wall_params(rig, axis_name, delay).reserve
+
+
+def _is_prompt(has: AxisAllowance, push: float) -> bool:
+    """Return whether an axis can take a wall's effort away in one period, but for rounding."""
+    return has.shared_step >= push * (1.0 - 1e-9)
+
+
+def _push(rig: Rig, axis_name: str, wall: Wall, has: AxisAllowance) -> float:
+    """Return the greatest effort of a wall within what its axis has [N m or N]."""
+    return min(wall_push(rig.axes[axis_name], wall), has.shared_effort)
 
 
 def _quantised(
@@ -201,13 +212,22 @@ def _quantised(
 
 
 def _passive(
-    rig: Rig, axis_name: str, wall: Wall, found: WallVerdict, name: str, rotary: bool
+    rig: Rig,
+    axis_name: str,
+    wall: Wall,
+    found: WallVerdict,
+    has: AxisAllowance,
+    name: str,
+    rotary: bool,
 ) -> Verdict:
     axis = rig.axes[axis_name]
     sentence = passivity_sentence(found, name, rotary=rotary)
     broken = broken_damping(rig, axis_name)
     if found.passive and broken is None:
-        conditions = (*assumed(axis, axis_name, damping=True), *_rate_limit(rig, axis_name, wall))
+        conditions = (
+            *assumed(axis, axis_name, damping=True),
+            *_rate_limit(rig, axis_name, wall, has),
+        )
         return Verdict(True, sentence, conditions, found.margin)
     if broken is not None and found.passive:
         return Verdict(False, f"{name}: {broken}", margin=found.margin)
@@ -223,41 +243,35 @@ def _passive(
     broken = broken_inertia(rig, axis_name)
     if broken is not None:
         return Verdict(False, f"{name}: {broken}", margin=found.margin)
-    limit = axis.effort_rate_limit
-    if limit is not None and limit * rig.period_s < greatest_push(axis, wall):
+    push = _push(rig, axis_name, wall, has)
+    if not _is_prompt(has, push):
+        beside = " beside its load" if has.load_rate > 0.0 else ""
+        needed = at_least(push / has.period * (has.effort_rate / has.shared_rate))
         return Verdict(
             False,
             f"{sentence} Its passivity control must remove the effort at once, but "
-            f"effort_rate_limit allows a drop of only {limit * rig.period_s:.4g} per period; "
-            f"raise that to {greatest_push(axis, wall) * rig.rate_hz:.4g}.",
+            f"effort_rate_limit allows a drop of only {has.shared_step:.4g} per period{beside}; "
+            f"raise that to {needed:g}.",
             margin=found.margin,
         )
     unit = "N m/rad" if rotary else "N/m"
-    assert axis.inertia is not None
     reason = (
         f"{name}: K = {wall.stiffness:g} {unit} gives back no more energy than it received, by "
         f"its exact energy observer and controller (Hannaford and Ryu 2002), on a device of at "
         f"least "
-        f"{axis.inertia.lower:g}; damping alone would allow {found.passive_stiffness:.4g}."
+        f"{has.inertia:g}; damping alone would allow {found.passive_stiffness:.4g}."
     )
     conditions = (FREE_FLIGHT, *assumed(axis, axis_name, inertia=True))
     return Verdict(True, reason, conditions)
 
 
-def _rate_limit(rig: Rig, axis_name: str, wall: Wall) -> tuple[str, ...]:
+def _rate_limit(rig: Rig, axis_name: str, wall: Wall, has: AxisAllowance) -> tuple[str, ...]:
     """Return a condition if the effort rate limit may delay the release of the wall's effort.
 
     A wall's effort changes by at most K v + 2 B v / T per second at the speed v.
     """
-    axis = rig.axes[axis_name]
-    limit, speed = axis.effort_rate_limit, axis.velocity_limit
-    if limit is None:
+    if wall_steepness(rig, axis_name, wall) <= has.shared_rate:
         return ()
-    if speed is not None:
-        gain = rig.period_s / (rig.period_s + axis.velocity_filter_s)
-        steepest = speed * (wall.stiffness + 2.0 * wall.damping * gain * rig.rate_hz)
-        if steepest <= limit:
-            return ()
     return (f"the effort_rate_limit of {axis_name} is not reached in the wall",)
 
 

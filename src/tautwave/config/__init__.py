@@ -46,7 +46,7 @@ from tautwave.config.keys.simulation import (
 from tautwave.config.load import load_rig, parse_rig
 from tautwave.config.schema import rig_schema
 from tautwave.config.text.resolved import resolved_yaml
-from tautwave.config.walls import greatest_push, local_wall, render_stiffness, replace_wall
+from tautwave.config.walls import local_wall, render_stiffness, replace_wall
 
 __all__ = [
     "Axis",
@@ -91,7 +91,6 @@ __all__ = [
     "bus_spec",
     "calibration_of",
     "count_velocity",
-    "greatest_push",
     "has_loads",
     "has_plain_devices",
     "imposed_motions",

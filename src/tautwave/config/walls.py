@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tautwave.config.keys.coupling import Wall
-from tautwave.config.keys.devices import Axis
 from tautwave.config.keys.rig import Rig
 
 
@@ -33,13 +32,3 @@ def render_stiffness(rig: Rig, stiffness: Mapping[str, float]) -> Rig:
         if wall is not None and value != wall.stiffness:
             rig = replace_wall(rig, axis_name, wall.model_copy(update={"stiffness": value}))
     return rig
-
-
-def greatest_push(axis: Axis, keys: Wall) -> float:
-    """Return the greatest effort of a wall within the axis' limits [N m or N]."""
-    push = axis.effort_limit
-    if axis.position_range is not None and axis.velocity_limit is not None:
-        low, high = axis.position_range
-        depth = high - keys.position if keys.side == "above" else keys.position - low
-        push = min(push, keys.stiffness * max(depth, 0.0) + keys.damping * axis.velocity_limit)
-    return push

@@ -1,5 +1,6 @@
 """Build the running objects from a rig: the only package that knows all others."""
 
+from tautwave.rig.allowance.filling import allowances, axis_allowance
 from tautwave.rig.assembly import (
     Assembly,
     build_rig,
@@ -16,9 +17,7 @@ from tautwave.rig.controller import (
     controlled_axis,
     coupled_axis,
     coupling_law,
-    coupling_part,
     end_constants,
-    limit_params,
     make_control,
     pair_params,
     run_params,
@@ -27,6 +26,7 @@ from tautwave.rig.controller import (
     wall_params,
 )
 from tautwave.rig.network import LineDelay, line_delay
+from tautwave.rig.parts import coupling_part
 from tautwave.rig.rates import at_axis_rate, at_full_rate, one_way_delay, standing_offset
 from tautwave.rig.scales import PairScale, pair_scale, slave_offset
 from tautwave.rig.truth import (
@@ -59,9 +59,11 @@ __all__ = [
     "PairScale",
     "Simulate",
     "Way",
+    "allowances",
     "as_taken",
     "at_axis_rate",
     "at_full_rate",
+    "axis_allowance",
     "axis_integration",
     "axis_model",
     "axis_names",
@@ -80,7 +82,6 @@ __all__ = [
     "cycles_in",
     "end_constants",
     "foam_params",
-    "limit_params",
     "line_delay",
     "make_clock",
     "make_control",

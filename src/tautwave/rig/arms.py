@@ -16,15 +16,13 @@ from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.load import LoadParams, load_effort, load_stiffness
+from tautwave.rig.allowance.once import once_per_rig
 
 GREATEST_SHARE = 0.8
 """Of an axis' effort limit that its load may take."""
 
 MARGIN = 1.1
 """What is kept for a load, per greatest one of the sampled postures: it is clipped there."""
-
-LOAD_SHARE = 0.5
-"""Of an axis' effort rate that its load may take; the rest is the coupling's."""
 
 SAMPLES = 2000
 CORNERS = 512
@@ -214,6 +212,7 @@ def without_carrying(rig: Rig) -> Rig:
     return rig.model_copy(update=sides)
 
 
+@once_per_rig
 def load_reserves(rig: Rig) -> dict[str, float]:
     """Return of each axis whose load is carried the effort that is kept for it [N m or N].
 
@@ -239,6 +238,7 @@ def load_reserves(rig: Rig) -> dict[str, float]:
     return found
 
 
+@once_per_rig
 def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
     """Return how fast each carried load changes at most [N m/rad]: bounds, in any posture."""
     names = own_carried(rig, side)

@@ -11,8 +11,8 @@ from tautwave.config.keys.arm import Chain
 from tautwave.models.chain.gravity import chain_gravity
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.load import load_effort, load_energy
+from tautwave.rig.allowance.filling import axis_allowance
 from tautwave.rig.arms import (
-    LOAD_SHARE,
     MARGIN,
     SAMPLES,
     arm_chain,
@@ -22,8 +22,6 @@ from tautwave.rig.arms import (
     felt_ranges,
     joint_ranges,
     load_params,
-    load_reserves,
-    load_stiffnesses,
     own_carried,
     postures,
     with_payloads,
@@ -43,38 +41,30 @@ UNDONE_S = 0.05
 """How long it takes to undo one: a wrong payload drives the arm until then."""
 
 
-def carried_damping(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
-    """Return what carrying an axis' load takes of its damping [N m s/rad | N s/m].
-
-    See `certificate.beside.loads` for why.
-    """
-    slope = load_stiffnesses(rig, axis_name.partition(".")[0])[axis_name]
-    late = delay.periods + delay.remainder_s / rig.period_s
-    return slope * rig.period_s * (1.0 + 2.0 * late)
-
-
 def side_loads(
     rig: Rig, delays: Mapping[str, CommandDelay]
 ) -> tuple[list[SideLoad], dict[str, tuple[SideLoad, int]]]:
     """Return what carries the loads of each side, and the seat of each axis in it."""
     sides: list[SideLoad] = []
     seats: dict[str, tuple[SideLoad, int]] = {}
-    reserves = load_reserves(rig)
     for side in ("master", "slave"):
         names = carried_axes(rig, side)
         if not names or names[0] not in delays:  # of two sites each carries its own
             continue
         axes = []
         for name in names:
-            keys, delay = rig.axes[name], delays[name]
-            step = math.inf
-            if keys.effort_rate_limit is not None:
-                step = LOAD_SHARE * keys.effort_rate_limit * rig.period_s
+            delay, allowance = delays[name], axis_allowance(rig, name, delays[name])
             late = delay.remainder_s / rig.period_s
-            still = STILL_SHARE * (keys.velocity_limit or math.inf) * rig.period_s
+            still = STILL_SHARE * allowance.velocity * rig.period_s
             axes.append(
                 CarriedAxis(
-                    name, reserves[name], step, keys.effort_quantum, delay.periods, late, still
+                    name,
+                    allowance.load_effort,
+                    allowance.load_step,
+                    allowance.quantum,
+                    delay.periods,
+                    late,
+                    still,
                 )
             )
         arm = getattr(rig, side).arm

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave import registry
+from tautwave.allowance import AxisAllowance
 from tautwave.analysis.identification.sensor_balance import DEVIATIONS, most_at_rest
-from tautwave.config import Axis, Rig, greatest_push, local_wall
-from tautwave.contracts import CoupledAxis, CouplingPlugin
+from tautwave.config import Axis, Rig, local_wall
+from tautwave.contracts import CoupledAxis
 from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, RunParams
 from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
@@ -18,8 +19,9 @@ from tautwave.laws.limit import LimitParams
 from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
-from tautwave.rig.arms import LOAD_SHARE, carried_axes, load_reserves
+from tautwave.rig.allowance.filling import axis_allowance, wall_push
 from tautwave.rig.network import trace_of
+from tautwave.rig.parts import coupling_part
 from tautwave.rig.scales import pair_scale, slave_offset
 from tautwave.rig.support import compensation_params, inertia_params
 from tautwave.rig.truth import SEED_WORD
@@ -28,20 +30,6 @@ from tautwave.runtime.wire import Wire
 from tautwave.types import CommandDelay
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
-
-
-ACCOUNT = "tautwave.couplings.account:with_account"
-"""What puts a law in an account; loaded where a rig has one."""
-
-
-def coupling_part(rig: Rig) -> CouplingPlugin:
-    """Return the declaration of a rig's coupling law, in an account if there is one."""
-    part = registry.load_coupling(rig.coupling.law)
-    if part.variant:
-        part = registry.load_named(part.variant)(part, rig.coupling)
-    if rig.coupling.account is not None:
-        part = registry.load_named(ACCOUNT)(part, rig.coupling.account)
-    return part
 
 
 def coupling_law(rig: Rig) -> Law:
@@ -54,7 +42,7 @@ def coupling_law(rig: Rig) -> Law:
 def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
     """Return what a coupling gets to know of an axis."""
     axis = rig.axes[axis_name]
-    carries = axis_name in carried_axes(rig, axis_name.split(".")[0])
+    allowance = axis_allowance(rig, axis_name, delay)
     place, noise, effort = axis.encoder_quantum, axis.position_noise, axis.effort_quantum
     if axis.follower is not None:
         # The goal is a number; what is read of the device stretches the spring.
@@ -63,22 +51,22 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
     return CoupledAxis(
         period=rig.axis_period_s(axis_name),
         gain=velocity_gain(rig, axis),
-        inertia=None if axis.inertia is None else axis.inertia.lower,
+        inertia=None if axis.inertia is None else allowance.inertia,
         encoder_quantum=place,
         position_noise=noise,
         delay=delay.periods,
         outside_stiffness=axis.outside_stiffness,
         late=delay.remainder_s / rig.axis_period_s(axis_name),
-        velocity_limit=math.inf if axis.velocity_limit is None else axis.velocity_limit,
+        velocity_limit=allowance.velocity,
         effort_quantum=effort,
         noise_lags=axis.position_noise_autocorrelation,
-        effort_limit=axis.effort_limit,
+        effort_limit=allowance.shared_effort,
         mass=None if axis.inertia is None else axis.inertia.value,
         viscous=axis.damping.value,
         coulomb=axis.coulomb.value,
         senses=axis.effort_sensor is not None,
         follows=None if axis.follower is None else axis.follower.lag_s,
-        effort_rate=(1.0 - LOAD_SHARE if carries else 1.0) * (axis.effort_rate_limit or math.inf),
+        effort_rate=allowance.shared_rate,
     )
 
 
@@ -138,7 +126,7 @@ def velocity_gain(rig: Rig, axis: Axis) -> float:
     return period / (period + axis.velocity_filter_s)
 
 
-def wall_params(rig: Rig, axis_name: str) -> WallParams:
+def wall_params(rig: Rig, axis_name: str, delay: CommandDelay) -> WallParams:
     """Return the constants of an axis' wall.
 
     It may be in debt by what its greatest effort can give while a stalled host holds it, the device
@@ -152,47 +140,42 @@ def wall_params(rig: Rig, axis_name: str) -> WallParams:
     wall = WallParams(
         keys.position, side, keys.stiffness, keys.damping, controlled=keys.passivity_control
     )
-    axis = rig.axes[axis_name]
-    if axis.velocity_limit is None or axis.inertia is None:
+    allowance = axis_allowance(rig, axis_name, delay)
+    if math.isinf(allowance.velocity) or math.isinf(allowance.inertia):
         return wall
-    push = greatest_push(axis, keys)
-    held = (
-        rig.loop.missing_limit + math.ceil(rig.overrun_limit / rig.axis_divisor(axis_name)) + 1
-    ) * rig.axis_period_s(axis_name)
-    reach = axis.velocity_limit * held
-    drift = 0.5 * held * held / axis.inertia.lower
+    push = min(wall_push(rig.axes[axis_name], keys), allowance.shared_effort)
+    held = allowance.blind - allowance.delay + allowance.period
+    reach = allowance.velocity * held
+    drift = 0.5 * held * held / allowance.inertia
     return wall._replace(reserve=push * (reach + drift * push), reach=reach, drift=drift)
 
 
-def limit_params(rig: Rig, axis: Axis) -> LimitParams:
-    """Return an axis' limits; an absent one is infinite."""
+def limit_params(axis: Axis, allowance: AxisAllowance) -> LimitParams:
+    """Return the limits of an axis without what is kept for its load; an absent one is infinite."""
     low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
-    step = math.inf
-    if axis.effort_rate_limit is not None:
-        step = axis.effort_rate_limit * rig.period_s * rig.buses[axis.bus].divisor
     return LimitParams(
-        effort=axis.effort_limit,
-        effort_step=step,
-        effort_quantum=axis.effort_quantum if axis.causality == "impedance" else 0.0,
-        velocity=math.inf if axis.velocity_limit is None else axis.velocity_limit,
+        effort=allowance.shared_effort,
+        effort_step=allowance.shared_step,
+        effort_quantum=allowance.quantum if axis.causality == "impedance" else 0.0,
+        velocity=allowance.velocity,
         position_low=low,
         position_high=high,
-        # A damper B needs device damping b >= B (Colgate): use the lower bound.
-        stop_damping=axis.damping.lower,
+        # A damper B needs device damping b >= B (Colgate): use the lower bound. Nothing else acts.
+        stop_damping=allowance.damping,
     )
 
 
-def site_params(rig: Rig, axis_name: str) -> SiteParams:
+def site_params(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     """Return the constants of one axis but for its coupling, in the device's own units."""
     side, name = axis_name.split(".")
     axis = rig.axes[axis_name]
     keys = rig.coupling.pairs[name]
     wall = keys.wall_master if side == "master" else keys.wall_slave
-    return bare_site(rig, axis_name)._replace(
-        wall=wall_params(rig, axis_name),
+    return bare_site(rig, axis_name, delay)._replace(
+        wall=wall_params(rig, axis_name, delay),
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,
-        compensation=compensation_params(axis, rig.axis_period_s(axis_name)),
+        compensation=compensation_params(axis, axis_allowance(rig, axis_name, delay)),
         compensates=axis.compensation is not None and axis.compensation.friction,
     )
 
@@ -208,20 +191,16 @@ def follower_params(rig: Rig, axis_name: str) -> FollowerParams | None:
     return FollowerParams(rig.axis_period_s(axis_name), stiffness, lead, low, high)
 
 
-def bare_site(rig: Rig, axis_name: str) -> SiteParams:
+def bare_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     """Return the constants of an axis without a wall that takes efforts."""
     axis = rig.axes[axis_name]
-    period = rig.axis_period_s(axis_name)
-    limit = limit_params(rig, axis)
-    reserve = load_reserves(rig).get(axis_name)
-    if reserve is not None:
-        step = (1.0 - LOAD_SHARE) * limit.effort_step
-        limit = limit._replace(effort=limit.effort - reserve, effort_step=step)
+    allowance = axis_allowance(rig, axis_name, delay)
+    period = allowance.period
     return SiteParams(
         period=period,
-        half_mobility=0.0 if axis.inertia is None else period / (2.0 * axis.inertia.lower),
+        half_mobility=period / (2.0 * allowance.inertia),  # 0 where it takes velocities
         wall=NO_WALL,
-        limit=limit,
+        limit=limit_params(axis, allowance),
         gain=velocity_gain(rig, axis),
         velocity_quantum=0.0,
         has_wall=False,
@@ -250,12 +229,18 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
     scale = pair_scale(rig.coupling.pairs[name])
     keys = rig.axes[axis_name].compensation
     end = end_constants(rig, axis_name, delay)
+    allowance = axis_allowance(rig, axis_name, delay)
     return controlled_axis(
         rig,
         axis_name,
         delay,
-        site_params(rig, axis_name)._replace(
-            inertia=inertia_params(rig.axes[axis_name], coupled_axis(rig, axis_name, delay)),
+        site_params(rig, axis_name, delay)._replace(
+            inertia=inertia_params(
+                rig.axes[axis_name],
+                coupled_axis(rig, axis_name, delay),
+                allowance.lift_effort,
+                allowance.paying_coulomb,
+            ),
             lightens=keys is not None and keys.inertia > 0.0,
         ),
         pipe,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import DEVIATIONS
 from tautwave.config import Axis
 from tautwave.contracts import CoupledAxis
@@ -24,32 +25,34 @@ SLOWEST = 0.99
 """Greatest pole: a memory of a hundred periods."""
 
 
-def compensation_params(axis: Axis, period: float) -> CompensationParams:
+def compensation_params(axis: Axis, allowance: AxisAllowance) -> CompensationParams:
     """Return what of an axis' friction its motor takes off; Coulomb in full above the noise."""
     keys = axis.compensation
     if keys is None:
         return NO_COMPENSATION
+    period = allowance.period
     noise = (axis.position_noise + axis.encoder_quantum) / period
     gain = period / (period + axis.velocity_filter_s)
     return CompensationParams(
-        coulomb=keys.coulomb * axis.coulomb.lower,
-        viscous=keys.viscous * axis.damping.lower,
+        coulomb=allowance.compensated_coulomb,
+        viscous=allowance.compensated_damping,
         soft=max(2.0 * gain * noise, STILL),
     )
 
 
-def inertia_params(axis: Axis, known: CoupledAxis) -> InertiaParams:
+def inertia_params(axis: Axis, known: CoupledAxis, most: float, paying: float) -> InertiaParams:
     """Return what takes inertia off an axis, and its account.
 
     The motor alone accelerates the device by at most F_max / m: the share of its inertia that is
-    taken off asks for at most that share of F_max.
+    taken off asks for at most that share of F_max, `most` [N m or N]; `paying` is the friction that
+    pays for it [N m or N].
     """
     keys = axis.compensation
     if keys is None or keys.inertia == 0.0:
         return NO_INERTIA
     assert axis.inertia is not None
     period, mass, lower = known.period, axis.inertia.value, axis.inertia.lower
-    taken, most = keys.inertia * lower, keys.inertia * axis.effort_limit
+    taken = keys.inertia * lower
     pole = min(SLOWEST, math.exp(-2.0 * math.pi * keys.inertia_hz * period))
     observer = observer_params(period, mass, pole)
     gain = inertia_gain(mass, taken)
@@ -75,6 +78,4 @@ def inertia_params(axis: Axis, known: CoupledAxis) -> InertiaParams:
         quantum=axis.effort_quantum,
     )
     play = 0.5 * axis.encoder_quantum + DEVIATIONS * axis.position_noise
-    return InertiaParams(
-        observer, gain, most, keys.inertia_coulomb * axis.coulomb.lower, play, account
-    )
+    return InertiaParams(observer, gain, most, paying, play, account)

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from tautwave import registry
 from tautwave.config import Rig, local_wall
-from tautwave.rig.controller import coupling_part
+from tautwave.rig.parts import coupling_part
 from tautwave.runtime.control import Control
 from tautwave.runtime.tuning.knobs import Knob, Turning, ceiling_knob, coupling_knob, wall_knob
 

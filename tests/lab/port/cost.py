@@ -35,7 +35,9 @@ def port_costs(rounds: int, tell: Callable[[str], None]) -> tuple[Table, list[Go
         rig = rigs[f"{port}, {SECONDS:g} s"]
         delay = command_delays(rig)["master.lever"]
         end = end_constants(rig, "master.lever", delay)
-        cases.append(SiteCase(port, site_params(rig, "master.lever"), coupling_law(rig), end))
+        cases.append(
+            SiteCase(port, site_params(rig, "master.lever", delay), coupling_law(rig), end)
+        )
     taken = part_costs(cases, rounds)
     rows: list[list[Value]] = []
     for part in PARTS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 from tautwave.analysis.claim import Claim, joules
@@ -13,57 +14,28 @@ from tautwave.certificate.belief import (
     broken_inertia,
 )
 from tautwave.certificate.data import Element, PairLoop, Verdict
-from tautwave.config import Axis, Rig
+from tautwave.config import Rig
 from tautwave.models.noise_colour import greatest_spectrum
-from tautwave.rig import axis_params
+from tautwave.rig import axis_allowance, axis_params
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
 
 
-def spent_coulomb(rig: Rig, axis_name: str) -> float:
-    """Return the Coulomb friction that is compensated [N m or N]."""
-    axis = rig.axes[axis_name]
-    if axis.compensation is None:
-        return 0.0
-    return (axis.compensation.coulomb + axis.compensation.inertia_coulomb) * axis.coulomb.lower
-
-
-def left_of_friction(rig: Rig) -> Rig:
-    """Return the rig as walls, ports and couplings may believe it: without what is compensated."""
-    sides = {}
-    for side in ("master", "slave"):
-        whole = getattr(rig, side)
-        if whole is None:
-            continue
-        axes = {name: _left(axis) for name, axis in whole.axes.items()}
-        sides[side] = whole.model_copy(update={"axes": axes})
-    if all(axis.compensation is None for axis in rig.axes.values()):
-        return rig
-    return rig.model_copy(update=sides)
-
-
-def _left(axis: Axis) -> Axis:
-    keys = axis.compensation
-    if keys is None:
-        return axis
-    lower = (1.0 - keys.viscous) * axis.damping.lower
-    return axis.model_copy(update={"damping": axis.damping.model_copy(update={"lower": lower})})
-
-
-def compensation_elements(rig: Rig) -> Iterator[Element]:
+def compensation_elements(rig: Rig, delays: Delays) -> Iterator[Element]:
     """Yield the compensation of each axis, with the budget of its friction."""
     for name, axis in rig.axes.items():
         keys = axis.compensation
         if keys is None or not keys.friction:
             continue
-        coulomb, viscous = keys.coulomb * axis.coulomb.lower, keys.viscous * axis.damping.lower
+        has = axis_allowance(rig, name, delays[name])
+        coulomb, viscous = has.compensated_coulomb, has.compensated_damping
         effort, damping = ("N m", "N m s/rad") if axis.kind == "rotary" else ("N", "N s/m")
         head = f"compensation of {name}"
         reason = (
             f"{head}: passive by proof with the device's own friction, of which it takes "
-            f"{coulomb:.3g} of {axis.coulomb.lower:.3g} {effort} and {viscous:.3g} of "
-            f"{axis.damping.lower:.3g} {damping}; the rest is available to "
+            f"{coulomb:.3g} of {has.coulomb:.3g} {effort} and {viscous:.3g} of "
+            f"{has.damping:.3g} {damping}; the rest is available to "
             "walls, ports and couplings."
         )
         conditions = assumed(axis, name, damping=viscous > 0.0, coulomb=coulomb > 0.0)
@@ -73,8 +45,8 @@ def compensation_elements(rig: Rig) -> Iterator[Element]:
             if text is not None:
                 verdict = Verdict(False, f"{head}: {text}")
         numbers = {
-            "coulomb": [coulomb, axis.coulomb.lower],
-            "damping": [viscous, axis.damping.lower],
+            "coulomb": [coulomb, has.coulomb],
+            "damping": [viscous, has.damping],
             "holds": "by proof",
         }
         yield Element(head, "compensation", name, verdict, verdict, numbers, (verdict.reason,))
@@ -84,23 +56,24 @@ def inertia_claim(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     """Return what inertia compensation may supply, or the key without which it is unbounded."""
     axis = rig.axes[axis_name]
     assert axis.inertia is not None
-    if axis.velocity_limit is None:
+    has = axis_allowance(rig, axis_name, delays[axis_name])
+    if math.isinf(has.velocity):
         return "velocity_limit"
-    if axis.effort_rate_limit is None:
+    if math.isinf(has.effort_rate):
         return "effort_rate_limit"
     known = axis_params(rig, axis_name, delays[axis_name], 0)
-    own, velocity = known.site.inertia, axis.velocity_limit
+    own, velocity = known.site.inertia, has.velocity
     return Claim(
         reserve=0.5 * (own.account.reserve + own.account.debt),
         leak=0.0,
         feigned=0.0,
         effort=own.most,
-        rate=axis.effort_rate_limit,
+        rate=has.shared_rate,
         velocity=velocity,
         wall=0.0,
         period=known.site.period,
         blind=known.delay + known.late + rig.loop.missing_limit + rig.overrun_limit,
-        mass=axis.inertia.lower,
+        mass=has.inertia,
         deviation=axis.position_noise,
         peak=greatest_spectrum(axis.position_noise_autocorrelation),
         quantum=axis.encoder_quantum,
@@ -124,13 +97,14 @@ def inertia_elements(rig: Rig, delays: Delays) -> Iterator[Element]:
             verdict = Verdict(False, f"{head}: its energy output is unbounded; give {claim}")
             yield Element(head, "inertia", name, verdict, verdict, {}, (verdict.reason,))
             continue
-        taken, paying = keys.inertia * axis.inertia.lower, keys.inertia_coulomb * axis.coulomb.lower
+        has = axis_allowance(rig, name, delays[name])
+        taken, paying = keys.inertia * has.inertia, has.paying_coulomb
         mass, effort = ("kg m^2", "N m") if axis.kind == "rotary" else ("kg", "N")
         reason = (
-            f"{head}: passive by account: {taken:.3g} of {axis.inertia.lower:.3g} {mass} are "
+            f"{head}: passive by account: {taken:.3g} of {has.inertia:.3g} {mass} are "
             f"compensated below {keys.inertia_hz:g} Hz, which supplies at most "
             f"{joules(claim.seen(rig.claimed_s))} as seen by its encoder, beyond what "
-            f"{paying:.3g} of {axis.coulomb.lower:.3g} {effort} of friction dissipate (reserve "
+            f"{paying:.3g} of {has.coulomb:.3g} {effort} of friction dissipate (reserve "
             f"{joules(2.0 * claim.reserve)}, {joules(claim.under_way)} in transit)."
         )
         conditions = assumed(axis, name, inertia=True, coulomb=paying > 0.0)
@@ -143,8 +117,8 @@ def inertia_elements(rig: Rig, delays: Delays) -> Iterator[Element]:
                 verdict = Verdict(False, f"{head}: {text}")
         numbers = {
             **claim._asdict(),
-            "inertia": [taken, axis.inertia.lower],
-            "coulomb": [paying, axis.coulomb.lower],
+            "inertia": [taken, has.inertia],
+            "coulomb": [paying, has.coulomb],
             "holds": "by account",
             "seen_j": claim.seen(rig.claimed_s),
             "true_j": claim.true(rig.claimed_s),

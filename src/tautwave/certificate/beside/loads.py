@@ -14,6 +14,7 @@ from collections.abc import Mapping
 
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
+from tautwave.rig import axis_allowance
 from tautwave.rig.arms import (
     arm_axes,
     felt_axes,
@@ -21,14 +22,12 @@ from tautwave.rig.arms import (
     load_reserves,
     load_stiffnesses,
 )
-from tautwave.rig.carrying import carried_damping, felt_swing, payload_swing
+from tautwave.rig.carrying import felt_swing, payload_swing
 from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
 
 
-def load_element(
-    rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken: float
-) -> Element | None:
+def load_element(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> Element | None:
     """Return the verdict on an axis' load, None without one.
 
     Parameters
@@ -39,26 +38,23 @@ def load_element(
         Full name.
     delays : mapping
         Command delay by axis.
-    taken : float
-        What the axis' local wall takes of its damping [N m s/rad or N s/m].
     """
     side = axis_name.partition(".")[0]
     if axis_name in load_reserves(rig):
-        return _carried(rig, axis_name, delays, taken)
+        return _carried(rig, axis_name, delays)
     most = greatest_loads(rig, side).get(axis_name)
     return None if most is None else _borne(rig, axis_name, delays, most)
 
 
-def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken: float) -> Element:
+def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> Element:
     axis, delay = rig.axes[axis_name], delays[axis_name]
     rotary = axis.kind == "rotary"
     unit, stiff = ("N m s/rad", "N m/rad") if rotary else ("N s/m", "N/m")
     effort = "N m" if rotary else "N"
     slope = load_stiffnesses(rig, axis_name.partition(".")[0])[axis_name]
-    late = delay.periods + delay.remainder_s / rig.period_s
-    needed = carried_damping(rig, axis_name, delay)
-    left = max(axis.damping.lower - taken, 0.0)
-    friction = slope * axis.encoder_quantum * (1.0 + late)
+    has = axis_allowance(rig, axis_name, delay)
+    needed, left = has.load_damping, has.loaded_damping
+    friction = has.load_coulomb
     numbers = {
         "load_stiffness": slope,
         "needed_damping": needed,
@@ -87,11 +83,13 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken
             )
     passive = Verdict(True, said, margin=left - needed)
     if needed > left:
-        wall = f", of which a wall uses {taken:.3g}" if taken > 0.0 else ""
+        spent = {"a wall": has.wall_damping, "compensation": has.compensated_damping}
+        used = " and ".join(f"{who} uses {much:.3g}" for who, much in spent.items() if much > 0.0)
+        wall = f", of which {used}" if used else ""
         passive = Verdict(
             False,
             f"the load of {axis_name}: compensating for it takes {needed:.3g} {unit} of damping, "
-            f"but damping.lower is {axis.damping.lower:.3g}{wall}; raise rate_hz to "
+            f"but damping.lower is {has.damping:.3g}{wall}; raise rate_hz to "
             f"{rig.rate_hz * needed / left:.4g}"
             if left > 0.0
             else f"the load of {axis_name}: compensating for it takes {needed:.3g} {unit} of "
@@ -99,12 +97,14 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], taken
             margin=left - needed,
         )
     quantised = passive
-    if passive.passed and friction > axis.coulomb.lower:
+    if passive.passed and friction > has.loaded_coulomb:
+        compensated = has.coulomb - has.loaded_coulomb
+        of = f", of which compensation uses {compensated:.3g}" if compensated > 0.0 else ""
         quantised = Verdict(
             False,
             f"the load of {axis_name}: with encoder steps, compensating for it takes "
             f"{friction:.3g} {effort} of Coulomb friction, but coulomb.lower is "
-            f"{axis.coulomb.lower:.3g}",
+            f"{has.coulomb:.3g}{of}",
         )
     return Element(f"load of {axis_name}", "load", axis_name, passive, quantised, numbers, (said,))
 

@@ -18,7 +18,7 @@ from tautwave.analysis.walls.stability import held_device, stable_stiffness
 from tautwave.certificate.belief import delay_in_periods
 from tautwave.config import Rig, local_wall
 from tautwave.models.hand import Hand
-from tautwave.rig import at_axis_rate
+from tautwave.rig import at_axis_rate, axis_allowance
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
 
@@ -111,8 +111,8 @@ def axis_width(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> 
     own = at_axis_rate(rig, axis_name)
     axis = own.axes[axis_name]
     side, pair = axis_name.split(".")
-    assert axis.inertia is not None
-    mass, damping = axis.inertia.lower, axis.damping.lower
+    has = axis_allowance(own, axis_name, delays[axis_name])
+    mass, damping = has.inertia, has.free_damping
     delay = delay_in_periods(own, delays[axis_name])
     law = SampledWall(0.0, 0.0, own.period_s, delay, axis.velocity_filter_s)
     hand = stated_hand(rig, pair).hand if side == "master" else None

@@ -26,12 +26,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.walls.passivity import wall_leak
-from tautwave.analysis.walls.sampled import SampledWall
-from tautwave.certificate.beside.loads import load_element
-from tautwave.config import Rig, local_wall
+from tautwave.config import Rig
 from tautwave.laws.limit import LimitParams
-from tautwave.rig import coupling_law, make_control, pair_scale
+from tautwave.rig import axis_allowance, coupling_law, make_control, pair_scale
 from tautwave.types import CommandDelay, JointState
 
 Complexes = npt.NDArray[np.complex128]
@@ -84,7 +81,8 @@ def tuning(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Tuning | 
     if efforts is None:
         return None
     weight = 1.0 / pair_scale(rig.coupling.pairs[pair]).power
-    have = np.array([left_of_damping(rig, name, delays) for name in names]) * (1.0, weight)
+    left = [axis_allowance(rig, name, delays[name]).coupling_damping for name in names]
+    have = np.array(left) * (1.0, weight)
     z = np.exp(1j * theta)
     own = rig.period_s * efforts * np.array([1.0, weight])[:, None] / (z - 1.0)[:, None, None]
     # a common motion of a spring costs nothing: what rounding leaves of it grows as 1 / theta
@@ -107,19 +105,6 @@ def reads_sensors(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> bo
             if answer is None or bool(np.any(answer != 0.0)):
                 return True
     return False
-
-
-def left_of_damping(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> float:
-    """Return what a local wall and a load leave of a device's sure damping, 0 at least."""
-    have, wall = rig.axes[axis_name].damping.lower, local_wall(rig, axis_name)
-    taken = 0.0
-    if wall is not None:
-        late = float(delays[axis_name].periods)
-        taken = wall_leak(SampledWall(wall.stiffness, wall.damping, rig.period_s, late)).damping
-    load = load_element(rig, axis_name, delays, taken)
-    if load is not None:
-        taken += float(load.numbers.get("needed_damping", 0.0))
-    return max(0.0, have - taken)
 
 
 def _bounded(lack: Floats, value: float) -> float:

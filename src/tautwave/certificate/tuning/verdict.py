@@ -10,6 +10,7 @@ from tautwave.certificate.data import Element, Verdict
 from tautwave.certificate.tuning.limits import too_long, unlike_ends
 from tautwave.certificate.tuning.two_port import Tuning, tuning
 from tautwave.config import Rig
+from tautwave.rig import axis_allowance
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -31,7 +32,10 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
         verdict = Verdict(False, f"{head}: not evaluated: {why}. {remedy}")
         return Element(head, "coupling", pair, verdict, verdict, {}, (verdict.reason,))
     names = [f"{side}.{pair}" for side in SIDES]
-    numbers = {**found._asdict(), "damping": [rig.axes[name].damping.lower for name in names]}
+    numbers = {
+        **found._asdict(),
+        "damping": [axis_allowance(rig, name, delays[name]).free_damping for name in names],
+    }
     text = f"{head}: {tuning_sentence(rig, pair, found)}"
     broken = [said for name in names if (said := broken_damping(rig, name)) is not None]
     if broken:

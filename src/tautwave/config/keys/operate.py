@@ -68,7 +68,8 @@ class Resting(Block):
     hold_effort_share: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.0,
         description="Maximum effort with which a held axis resists being moved from its place, as "
-        "a share of its effort limit; beyond it, the axis slips. 0: it is only damped.",
+        "a share of what its load leaves of its effort limit; beyond it, the axis slips. 0: it is "
+        "only damped.",
     )
 
 

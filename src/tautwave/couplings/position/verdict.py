@@ -20,12 +20,12 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.belief import SIDES, assumed, broken_damping, delay_in_periods
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.tuning.limits import unlike_ends
-from tautwave.certificate.tuning.two_port import left_of_damping
 from tautwave.certificate.tuning.verdict import tuned_element
 from tautwave.config import Rig
 from tautwave.couplings.position.from_keys import coupler_constants
 from tautwave.couplings.position.keys import PositionPair
 from tautwave.couplings.position.steps import PositionEndParams
+from tautwave.rig import axis_allowance
 from tautwave.types import CommandDelay
 
 REMEDY = (
@@ -66,7 +66,7 @@ def _at_once(rig: Rig, pair: str, delays: Mapping[str, CommandDelay], late: floa
     needed = wall_leak(wall).damping
     # the slave's damping as the master would feel it
     leverage = port_constants(rig, names[1]).stiffness / master.stiffness
-    present = [left_of_damping(rig, name, delays) for name in names]
+    present = [axis_allowance(rig, name, delays[name]).coupling_damping for name in names]
     present[1] /= leverage
     between = damping_between(present[0], present[1])
     unit = "N m s/rad" if rig.master.axes[pair].kind == "rotary" else "N s/m"

@@ -30,13 +30,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.wave_port.chatter import NoisyEnd, chatter, step_effort
-from tautwave.certificate.beside.compensation import left_of_friction, spent_coulomb
-from tautwave.certificate.beside.loads import load_element
 from tautwave.certificate.derate import derate_walls
-from tautwave.certificate.walls import sampled_wall
-from tautwave.config import Rig, local_wall
+from tautwave.config import Rig
 from tautwave.config.keys.common import AUTO
 from tautwave.couplings.wave.device_port import SOFTER, port_of
 from tautwave.couplings.wave.from_keys import bare_port, coarsest_step, observer_of
@@ -44,7 +40,7 @@ from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
 from tautwave.couplings.wave.standing import line_time, moved_inertia
 from tautwave.errors import UnchosenKeyError
 from tautwave.laws.port import port_reserve
-from tautwave.rig import at_axis_rate, command_delays, coupled_axis, one_way_delay
+from tautwave.rig import allowances, axis_allowance, command_delays, coupled_axis, one_way_delay
 from tautwave.types import Choice, CommandDelay
 
 SIDES = ("master", "slave")
@@ -92,10 +88,8 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
     pair = rig.coupling.pairs[name]
     assert isinstance(pair, WavePair)
     delays = command_delays(rig)
-    spent = {axis_name: spent_coulomb(rig, axis_name) for axis_name in rig.axes}
-    rig = left_of_friction(rig)
     if rig.require != "coupled_stable":  # there a wall's limit needs the whole pair
-        friction = {one: axis.coulomb.lower - spent[one] for one, axis in rig.axes.items()}
+        friction = {one: has.coupling_coulomb for one, has in allowances(rig, delays).items()}
         rig, _ = derate_walls(rig, delays, friction)
     asked = Asked(rig, name, delays, _damping_left(rig, name, delays))
     chosen: dict[str, Choice] = {}
@@ -135,18 +129,8 @@ def _damping_left(rig: Rig, name: str, delays: Delays) -> dict[str, float]:
     left = {}
     for side in SIDES:
         axis_name = f"{side}.{name}"
-        axis, wall = rig.axes[axis_name], local_wall(rig, axis_name)
-        if axis.inertia is None:
-            continue
-        left[side] = axis.damping.lower
-        if wall is not None:
-            own = at_axis_rate(rig, axis_name)
-            needed = wall_leak(sampled_wall(own, axis_name, wall, delays[axis_name])).damping
-            if needed <= left[side] or not wall.passivity_control:
-                left[side] -= needed
-        load = load_element(rig, axis_name, delays, axis.damping.lower - left[side])
-        if load is not None:
-            left[side] -= float(load.numbers.get("needed_damping", 0.0))
+        if rig.axes[axis_name].inertia is not None:
+            left[side] = axis_allowance(rig, axis_name, delays[axis_name]).coupling_damping
     return left
 
 

@@ -28,7 +28,7 @@ from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.servos.admittance import admittance_element
 from tautwave.laws.port import plain_drain
 from tautwave.laws.receiver import RESERVE
-from tautwave.rig import at_axis_rate, coupled_axis, pair_scale
+from tautwave.rig import at_axis_rate, axis_allowance, coupled_axis, pair_scale
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -51,7 +51,7 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
 def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Element:
     """Return the port of an axis that takes effort."""
     axis = rig.axes[axis_name]
-    left = axis.damping.lower - damping
+    left = axis_allowance(rig, axis_name, delays[axis_name]).free_damping - damping
     name = f"{axis_name} port"
     claim = claim_of(rig, axis_name, delays)
     passive = _passive(rig, axis_name, delays, left, claim, damping)
@@ -165,7 +165,8 @@ def _passive(
         if text is not None:
             return Verdict(False, text if text.startswith(name) else f"{name}: {text}")
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
-    if axis.damping.lower <= 0.0:
+    free = axis_allowance(rig, axis_name, delay).free_damping
+    if free <= 0.0:
         return Verdict(
             False,
             f"{name}: the device's damping is unknown; give damping.lower, however small",
@@ -194,7 +195,7 @@ def _passive(
         return Verdict(
             False,
             f"{name}: wall and load use {taken:.4g} {unit} of the device's guaranteed "
-            f"{axis.damping.lower:.4g}, but a port needs some; soften the wall, or raise rate_hz",
+            f"{free:.4g}, but a port needs some; soften the wall, or raise rate_hz",
         )
     conditions = tuple(assumed(axis, axis_name, inertia=True, damping=True))
     if _is_augmented(rig, axis_name):

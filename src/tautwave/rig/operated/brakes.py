@@ -8,8 +8,7 @@ from tautwave.config import Rig
 from tautwave.config.keys.operate import Resting
 from tautwave.laws.rest.alignment import held_work
 from tautwave.laws.rest.brake import SHARE, BrakeParams, passive_stiffness, step_power
-from tautwave.rig.arms import load_reserves
-from tautwave.rig.carrying import carried_damping
+from tautwave.rig.allowance.filling import axis_allowance
 from tautwave.types import CommandDelay
 
 SLOW = 0.7
@@ -42,14 +41,6 @@ def braked_axes(rig: Rig) -> list[str]:
     return [name for name, axis in rig.axes.items() if axis.causality == "impedance"]
 
 
-def spare_damping(rig: Rig, axis_name: str, delay: CommandDelay) -> float:
-    """Return the device's certain damping less what carrying its load takes [N m s/rad | N s/m]."""
-    lower = rig.axes[axis_name].damping.lower
-    if axis_name not in load_reserves(rig):
-        return lower
-    return lower - carried_damping(rig, axis_name, delay)
-
-
 def quantum_of(rig: Rig, axis_name: str) -> float:
     """Return the motion of an axis at rest that its encoder may show [rad or m]."""
     axis = rig.axes[axis_name]
@@ -62,26 +53,24 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
     The damper is the greatest passive one behind its velocity filter: a damping ratio of about a
     quarter.
     """
-    keys, axis = resting_keys(rig), rig.axes[axis_name]
+    keys = resting_keys(rig)
     if keys is None or axis_name not in braked_axes(rig):
         return None
-    device = spare_damping(rig, axis_name, delay)
+    has = axis_allowance(rig, axis_name, delay)
+    device = has.brake_damping
     if device <= 0.0:
         return None
     # Offline mathematics, loaded by a live run only for a brake, and before anything is enabled.
     from tautwave.analysis.walls.limits import greatest_damping
     from tautwave.analysis.walls.sampled import SampledWall
 
-    assert axis.inertia is not None
-    assert axis.velocity_limit is not None
-    period = rig.axis_period_s(axis_name)
+    assert math.isfinite(has.velocity)
+    period = has.period
     late = delay.periods + delay.remainder_s / period
-    effort = keys.hold_effort_share * axis.effort_limit
-    rise = math.inf
-    if axis.effort_rate_limit is not None:
-        rise = RISE * axis.effort_rate_limit / axis.velocity_limit
+    effort = keys.hold_effort_share * has.shared_effort
+    rise = RISE * has.shared_rate / has.velocity
     stiffness = min(passive_stiffness(device, period, late), rise)
-    mass = axis.inertia.lower
+    mass = has.inertia
     filter_s = SLOW * math.sqrt(mass / stiffness)
     gain = period / (period + filter_s)
     damper = SampledWall(0.0, 0.0, period, late, filter_s)
@@ -98,6 +87,6 @@ def brake_params(rig: Rig, axis_name: str, delay: CommandDelay) -> BrakeParams |
         quantum=quantum,
         # What the spring holds from before, and what lost samples make it let go of.
         capital=STEPS * device * quantum**2 / period + effort**2 / stiffness,
-        power=step_power(device, period, quantum, axis.effort_quantum),
-        reserve=held_work(effort, held, axis.velocity_limit, mass),
+        power=step_power(device, period, quantum, has.quantum),
+        reserve=held_work(effort, held, has.velocity, mass),
     )

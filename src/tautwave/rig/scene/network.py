@@ -237,7 +237,9 @@ def scene_control(
     for name in axes:
         delay = delays[name]
         blind = rig.loop.missing_limit
-        params.append(controlled_axis(rig, name, delay, bare_site(rig, name), at, blind=blind))
+        params.append(
+            controlled_axis(rig, name, delay, bare_site(rig, name, delay), at, blind=blind)
+        )
         at += PIPE * delay.periods
     return SceneControl(
         run_params(rig, cycles, len(axes)),

@@ -192,7 +192,7 @@ def _guided(
     params = []
     at = 0
     for name, delay in delays.items():
-        params.append(controlled_axis(rig, name, delay, bare_site(rig, name), at, end=None))
+        params.append(controlled_axis(rig, name, delay, bare_site(rig, name, delay), at, end=None))
         at += PIPE * delay.periods
     control = GuidedControl(
         run, axis_names(rig, tuple(delays)), params, [0.0] * at, guide,

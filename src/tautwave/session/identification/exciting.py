@@ -309,7 +309,8 @@ def excite(rig: Rig, assembly: Assembly, movers: Mapping[str, Mover]) -> Assembl
     params = []
     at = 0
     for name in axes:
-        site = bare_site(rig, name) if rig.scene is not None else site_params(rig, name)
+        make = bare_site if rig.scene is not None else site_params
+        site = make(rig, name, delays[name])
         spring = movers[name].spring if name in movers else ShakenParams(0.0, 0.0)
         site = site._replace(has_wall=False)
         blind = rig.loop.missing_limit
