@@ -103,6 +103,11 @@ class Node(Block):
     identity: Identity | None = None
     eds: str | None = None
     """EDS or DCF file; parameter values of a DCF are written first."""
+    dcf_include: Annotated[
+        tuple[Annotated[str, Field(pattern="^[0-9A-Fa-f]{4}(:[0-9A-Fa-f]{2})?$")], ...],
+        Field(strict=False),
+    ] = ()
+    """Objects of the DCF that are written although they are left out, such as `2003:01`."""
     mapping: Literal["lean", "full"] = "full"
     enable_input: Annotated[int, Field(ge=0, le=31)] | None = None
     """Bit of the digital inputs (60FDh) that a dead-man switch sets: an operated rig engages only
@@ -232,6 +237,10 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
                 f"bus {bus.name}: {axis.name} is rotary, but node {found.id} has a feed; "
                 "remove it, or make the axis linear"
             )
+        elif found.dcf_include and found.eds is None:
+            problems.append(
+                f"bus {bus.name}: node {found.id} has dcf_include, but no DCF; state it in eds"
+            )
         elif found.mapping == "lean" and (found.homing or found.move):
             problems.append(
                 f"bus {bus.name}: node {found.id}: homing and move change the mode, "
@@ -290,7 +299,13 @@ def limit_permille(node: Node, axis: AxisSpec) -> int:
 def files_of(nodes: Sequence[tuple[str, Node]]) -> list[Use]:
     """Return the EDS and DCF files of nodes, given with their axis' name."""
     return [
-        Use(name, node.id, node.eds, {} if node.identity is None else node.identity.model_dump())
+        Use(
+            name,
+            node.id,
+            node.eds,
+            {} if node.identity is None else node.identity.model_dump(),
+            node.dcf_include,
+        )
         for name, node in nodes
         if node.eds is not None
     ]

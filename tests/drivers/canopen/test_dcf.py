@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
 
 from tautwave.errors import ConfigError, DriverError
-from tautwave_drivers.canopen.files.belonging import check_files
+from tautwave_drivers.canopen.files.belonging import check_files, parameters
+from tautwave_drivers.canopen.files.choosing import Choice, choose
+from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.options import files_of
 from tests.drivers.canopen.benches import driver_options
 from tests.drivers.canopen.foreign import Foreign, foreign
@@ -155,3 +158,97 @@ def test_a_drive_whose_limit_is_not_set_again_after_storing_is_refused() -> None
     rig.drive.node._read_callbacks[:] = [stuck]
     with pytest.raises(DriverError, match=r"6072:00 max torque is 3000 .* after 800"):
         rig.driver.open()
+
+
+# -- what is written ---------------------------------------------------------------------------
+
+LEFT = {
+    "1005": "SYNC COB-ID", "1010sub1": "Save all", "1011sub1": "Restore", "1017": "Heartbeat",
+    "1400sub5": "Timer", "1A00sub1": "Mapping", "1F80": "Startup",
+    "2000": "a", "2001": "b", "2005": "c", "2009": "d",
+    "2100": "Node-ID", "2101": "CAN Baudrate", "2102": "Bit rate", "2103": "Store parameters",
+    "2104": "Restore defaults", "2105": "Reset device", "2106": "Holding brake mode",
+    "2107": "Digital outputs", "2108": "Boot delay", "2109": "Password", "210Asub1": "CAN address",
+    "6042": "vl target", "60C1sub1": "Set-point", "60FEsub1": "Outputs", "6200sub1": "Out",
+    "6411sub1": "Out", "68FEsub1": "Outputs of axis 2",
+}  # fmt: skip
+ALWAYS = {"6040": "Control", "6060": "Mode", "6071": "Target", "607A": "Target", "60FF": "Target",
+          "60B2": "Offset", "6871": "Target of axis 2"}  # fmt: skip
+WRITTEN = {
+    "2006": "Current gain", "2100": "Position loop gain", "2101sub3": "Notch filter frequency",
+    "5FFF": "Torque constant", "6065": "Following error window", "607E": "Polarity",
+    "608Fsub1": "Encoder increments", "60F6sub1": "Gain", "6087": "Torque slope",
+    "2110": "Control loop", "2111": "Bandwidth",
+}  # fmt: skip
+
+
+def choice(names: dict[str, str], include: tuple[str, ...] = ()) -> Choice:
+    text = dcf("".join(entry("5", name=at, ParameterName=name) for at, name in names.items()))
+    with TemporaryDirectory() as folder:
+        file = read_device_file(written(Path(folder) / "a.dcf", text))
+        return choose(parameters(file, 1), include)
+
+
+@pytest.mark.parametrize("at", LEFT | ALWAYS)
+def test_what_sets_the_node_triggers_or_moves_is_left_out_and_listed(at: str) -> None:
+    name = (LEFT | ALWAYS)[at]
+    found = choice({at: name, "6065": "Window"})
+    assert [one.object.index for one in found.written] == [0x6065]
+    address = at[:4] if at < "2" else f"{at[:4]}:"
+    assert (address in found.note) or "1 objects of communication" in found.note
+
+
+@pytest.mark.parametrize("at", WRITTEN)
+def test_what_tunes_a_drive_is_written(at: str) -> None:
+    found = choice({at: WRITTEN[at]})
+    assert len(found.written) == 1
+    assert found.note == ""
+
+
+@pytest.mark.parametrize("at", LEFT)
+def test_what_the_rig_names_is_written(at: str) -> None:
+    index, _, sub = at.partition("sub")
+    for named in (index, f"{index}:{int(sub or '0', 16):02x}"):
+        assert len(choice({at: LEFT[at]}, (named,)).written) == 1
+    assert not choice({at: LEFT[at]}, (f"{index}:7F",)).written
+
+
+def test_an_object_that_the_file_lacks_or_that_moves_cannot_be_named(tmp_path: Path) -> None:
+    file = written(tmp_path / "a.dcf", dcf(entry("5", name="6071") + entry("5", name="2001")))
+    given = {"id": 1, "rated_torque": 0.5, "counts_per_revolution": 4096, "eds": file}
+
+    def said(*include: str) -> list[str]:
+        block = {"interface": "virtual", "nodes": [given | {"dcf_include": list(include)}]}
+        (node,) = driver_options(block).nodes
+        try:
+            check_files(files_of([("axis1", node)]))
+        except ConfigError as err:
+            return list(err.problems)
+        return []
+
+    assert said("2001") == []
+    assert said("2002") == [
+        f"axis1: dcf_include names 2002, but {file} has no value for it that can be written; "
+        "remove it"
+    ]
+    assert "a file must not move a motor: remove it" in said("6071:00")[0]
+
+
+def test_only_differences_are_written_and_what_is_left_out_is_said(tmp_path: Path) -> None:
+    text = dcf(
+        entry("2000")
+        + entry("300", name="6066", kind="0x6")
+        + entry("5", "0x5", name="2000", ParameterName="Node-ID")
+        + entry("6", name="1006")
+    )
+    file = written(tmp_path / "a.dcf", text)
+    held = {WINDOW: 2000, (0x6066, 0): 7, (0x2000, 0): 1, (0x1006, 0): 0}
+    rig = foreign(held, first={"eds": file})
+    rig.enable()
+    rig.driver.close()
+    given = [key for key, _ in rig.drive.written]
+    assert (0x6066, 0) in given
+    assert not {WINDOW, (0x2000, 0), (0x1006, 0)} & set(given)
+    said = "\n".join(rig.driver.notes)
+    assert "2000:00 Node-ID (node id and bit rate on many drives), 1 objects of comm" in said
+    assert f"2 parameter values of {file}: 1 written and read back, 1 held already" in said

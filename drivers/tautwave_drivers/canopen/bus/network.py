@@ -199,7 +199,7 @@ class RemoteDrive:
             It does not respond.
         """
         with self._sentences("read", entry):
-            data = self._again(lambda: self._node.sdo.upload(entry.index, entry.sub))
+            data = self._upload(entry)
         value = unpack(entry, data)
         if value is None:
             raise DeviceFault(
@@ -233,20 +233,30 @@ class RemoteDrive:
         with self._sentences(f"take {value} (0x{data[::-1].hex()}) in", entry):
             self._again(lambda: self._node.sdo.download(entry.index, entry.sub, data))
 
-    def write_setting(self, setting: Setting) -> None:
-        """Write a parameter value of a DCF and read it back; raises as `read` does."""
+    def write_setting(self, setting: Setting) -> bool:
+        """Write a parameter value of a DCF and read it back; raises as `read` does.
+
+        Returns False where the drive holds it already: what it keeps in flash wears out.
+        """
         one, data = setting.object, setting.data
         entry = Entry(one.name, one.index, one.sub, "STR", "", "", "its DCF")
         written = f"0x{data[::-1].hex()} of line {setting.line} of its DCF"
         with self._sentences(f"take {written} in", entry):
+            readable = one.access != "wo"
+            if readable and setting.equals(self._upload(entry)):
+                return False
             self._again(lambda: self._node.sdo.download(entry.index, entry.sub, data))
-            found = self._again(lambda: self._node.sdo.upload(entry.index, entry.sub))
-        if found[: len(data)] != data:
+            found = self._upload(entry) if readable else data
+        if not setting.equals(found):
             raise DeviceFault(
                 f"{self.name} reads 0x{found[::-1].hex()} at {entry.address} {entry.name} after "
                 f"{written} was written"
             )
         self.changed.append(entry.address)
+        return True
+
+    def _upload(self, entry: Entry) -> bytes:
+        return bytes(self._again(lambda: self._node.sdo.upload(entry.index, entry.sub)))
 
     def _again(self, transfer: Callable[[], Any]) -> Any:
         """Repeat a transfer without a response, or with one to another request: frames get lost."""

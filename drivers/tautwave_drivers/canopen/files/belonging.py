@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tautwave.errors import ConfigError
+from tautwave_drivers.canopen.files.choosing import COMMANDS, is_named
 from tautwave_drivers.canopen.files.reading import DeviceFile, Setting, read_device_file
 from tautwave_drivers.canopen.files.values import integer
 from tautwave_drivers.cia402 import communication as c
@@ -15,12 +16,13 @@ from tautwave_drivers.cia402 import communication as c
 IDENTITY = {
     "vendor": (c.VENDOR_ID, "vendornumber"),
     "product": (c.PRODUCT_CODE, "productnumber"),
+    "revision": (c.REVISION, "revisionnumber"),
 }
 """What a file says of its device: an object, and the field of [DeviceInfo] where that is empty."""
 
 
 def identity_of(file: DeviceFile) -> dict[str, int]:
-    """Return vendor and product as far as the file states them; 0 states nothing."""
+    """Return vendor, product and revision as far as the file states them; 0 states nothing."""
     stated = {
         name: file.number(entry) or integer(file.info.get(key))
         for name, (entry, key) in IDENTITY.items()
@@ -34,10 +36,10 @@ def of_another(file: DeviceFile, drive: Mapping[str, int | None], whose: str) ->
         return ""
     for name, value in identity_of(file).items():
         wanted = drive.get(name)
-        if wanted is not None and wanted != value:
+        if wanted and wanted != value:
             return (
                 f"{file.path} is for {name} 0x{value:X}, but {whose} 0x{wanted:X}; export a DCF "
-                "from this drive"
+                f"from this drive, or remove the {name} from the file if its values suit both"
             )
     return ""
 
@@ -63,12 +65,13 @@ def parameters(file: DeviceFile, node_id: int) -> list[Setting]:
 
 
 class Use(NamedTuple):
-    """A file in a rig: the axis, its node, the path, and the identity that the rig expects."""
+    """A file in a rig: the axis, its node, the path, what the rig expects, what it includes."""
 
     axis: str
     node: int
     path: str
     identity: Mapping[str, int | None]
+    include: Sequence[str] = ()
 
 
 def check_files(uses: Sequence[Use]) -> None:
@@ -88,10 +91,10 @@ def _problems(uses: Sequence[Use]) -> Iterator[str]:
     sharing: defaultdict[Path, list[int]] = defaultdict(list)
     for use in uses:
         sharing[Path(use.path).resolve()].append(use.node)
-    for name, node, path, identity in uses:
+    for name, node, path, identity, include in uses:
         try:
             file = read_device_file(path)
-            parameters(file, node)
+            found = parameters(file, node)
         except ConfigError as err:
             yield from (f"{name}: {text}" for text in err.problems)
             continue
@@ -110,6 +113,18 @@ def _problems(uses: Sequence[Use]) -> Iterator[str]:
                 f"{name}: {path} is the DCF of node {stated} (NodeID in it), but the rig gives "
                 f"it to node {node}; export one from that drive, or correct the rig"
             )
+        for address in include:
+            taken = [one.object for one in found if is_named(one.object, (address,))]
+            if not taken:
+                yield (
+                    f"{name}: dcf_include names {address}, but {path} has no value for it that can "
+                    "be written; remove it"
+                )
+            elif taken[0].index in COMMANDS:
+                yield (
+                    f"{name}: dcf_include names {address}, a command or target; a file must not "
+                    "move a motor: remove it"
+                )
         problem = of_another(file, identity, "the rig expects")
         if problem:
             yield f"{name}: {problem}, or correct identity in the rig"

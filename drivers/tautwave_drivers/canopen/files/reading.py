@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from tautwave.config.guard import read_guarded
 from tautwave.errors import ConfigError
-from tautwave_drivers.canopen.files.values import TYPES, UnreadableError, encode, integer
+from tautwave_drivers.canopen.files.values import TEXTS, TYPES, UnreadableError, encode, integer
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.objects import find
 
@@ -97,6 +97,16 @@ class Setting(NamedTuple):
     object: FileObject
     data: bytes
     line: int
+
+    def equals(self, held: bytes) -> bool:
+        """Return whether a drive's bytes are this value.
+
+        A number may come with more bytes (an expedited response need not state its length), a text
+        with zeros behind it.
+        """
+        if self.object.kind in TEXTS:
+            return held.rstrip(b"\0") == self.data.rstrip(b"\0")
+        return held[: len(self.data)] == self.data
 
 
 class DeviceFile(NamedTuple):

@@ -17,6 +17,7 @@ from tautwave_drivers.canopen.files.belonging import (
     of_another,
     parameters,
 )
+from tautwave_drivers.canopen.files.choosing import choose
 from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
 from tautwave_drivers.canopen.mapping import RPDO_2, Layout
@@ -44,8 +45,6 @@ START_S = 1.0
 PROBES = 5
 PROBE_S = 0.05
 LEAST_SPREAD_NS = 30_000
-_OWN = (0x6040, 0x6060, 0x6071, 0x607A, 0x60FF)
-"""Objects that no DCF may write: commands, and what is set here."""
 
 
 def bring_up(
@@ -143,21 +142,23 @@ def torque_off(drive: RemoteDrive, clock: Clock, bus: BusSpec) -> list[str]:
 
 
 def _dcf(drive: RemoteDrive, axis: Axis) -> list[str]:
-    """Write the parameter values of a DCF, except commands and objects set here anyway."""
+    """Write the parameter values of a DCF that tune the drive, where it holds others."""
     if axis.node.eds is None:
         return []
     file = read_device_file(axis.node.eds)
     found = {name: drive.find(entry) for name, (entry, _) in IDENTITY.items()}
     if problem := of_another(file, found, "it has"):
         raise DeviceFault(f"{drive.name}: {problem}")
-    written = 0
-    for one in parameters(file, drive.node_id):
-        if one.object.index < 0x2000 or one.object.index in _OWN:
-            continue
-        drive.write_setting(one)
-        written += 1
-    text = f"{drive.name}: {written} parameter values of {file.path}, written and read back"
-    return [*file.remarks, text]
+    choice = choose(parameters(file, drive.node_id), axis.node.dcf_include)
+    written = sum(drive.write_setting(one) for one in choice.written)
+    notes = [*file.remarks]
+    if choice.note:
+        notes.append(f"{drive.name}: of {file.path} {choice.note}")
+    return [
+        *notes,
+        f"{drive.name}: {len(choice.written)} parameter values of {file.path}: {written} written "
+        f"and read back, {len(choice.written) - written} held already",
+    ]
 
 
 def _map(drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec) -> list[str]:
