@@ -3,9 +3,11 @@
 from tests.lab.command import lab
 from tests.lab.papers.command import papers
 from tests.lab.renamed import renamed
+from tests.lab.waiting import waiting
 
 lab.add_command(papers)
 lab.add_command(renamed)
+lab.add_command(waiting)
 
 if __name__ == "__main__":
     lab(prog_name="python -m tests.lab")
