@@ -24,6 +24,7 @@ import click
 import pytest
 
 import tautwave
+from tautwave import plugin
 from tautwave.cli import main
 from tautwave.config.schema import rig_schema
 from tests.commands import keep_in_one_process
@@ -39,6 +40,8 @@ def names() -> Iterator[str]:
     """Yield the public names and the entry points."""
     for name in tautwave.__all__:
         yield f"name tautwave.{name}"
+    for name in plugin.__all__:
+        yield f"name tautwave.plugin.{name}"
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     for script in project["scripts"]:
         yield f"script {script}"

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from tautwave.config import EnvironmentPart
-from tautwave.truth import EnvironmentPlugin
+from tautwave.plugin import EnvironmentPart, EnvironmentPlugin
 
 
 class FluidKeys(EnvironmentPart):

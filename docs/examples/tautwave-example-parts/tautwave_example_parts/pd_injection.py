@@ -13,12 +13,20 @@ from typing import Any, NamedTuple
 
 from pydantic import Field
 
-from tautwave.config import Coupling, Pair, Rig
-from tautwave.contracts import CoupledAxis, CouplingPlugin
-from tautwave.controller.records import AxisParams, AxisState, PairParams
-from tautwave.controller.seen import seen_law
-from tautwave.controller.steps import OWN_GUARDS, Guard
-from tautwave.wording import CouplingMessages
+from tautwave.plugin import (
+    OWN_GUARDS,
+    AxisParams,
+    AxisState,
+    CoupledAxis,
+    Coupling,
+    CouplingMessages,
+    CouplingPlugin,
+    Guard,
+    Pair,
+    PairParams,
+    Rig,
+    seen_law,
+)
 
 SIDES = ("master", "slave")
 
@@ -93,7 +101,7 @@ law = seen_law(
 
 def elements(rig: Rig, name: str, delays: Mapping[str, Any]) -> Iterator[Any]:
     """Yield what is known of one pair's passivity; what it needs is imported only now."""
-    from tautwave.certificate.data import Element, Verdict
+    from tautwave.plugin import Element, Verdict
 
     pair = rig.coupling.pairs[name]
     assert isinstance(pair, InjectedPair)

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 
 from pydantic import Field
 
-from tautwave.config import HandPart
-from tautwave.truth import HandPlugin
+from tautwave.plugin import HandPart, HandPlugin
 
 SINES = 12
 
