@@ -9,10 +9,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tautwave.laws.limit import (
+    AT_LIMIT,
+    RAMPED,
+    RATE_LIMITED,
+    STEPPED,
     LimitParams,
     clamp,
     guard_axis,
     limit_effort,
+    limited_by,
     share_effort,
     stop_effort,
 )
@@ -83,6 +88,30 @@ def test_truncation_never_enlarges_and_loses_less_than_a_quantum(
     assert abs(out) <= abs(value)
     assert abs(value) - abs(out) < quantum * (1.0 + 1e-9)
     assert out * value >= 0.0
+
+
+@given(
+    numbers,
+    st.floats(1e-3, 1e6),
+    st.one_of(st.just(INF), st.floats(1e-3, 1e6)),
+    st.one_of(st.just(0.0), st.floats(1e-3, 1e6)),
+    st.floats(-1.0, 1.0),
+    st.floats(0.0, 2.0),
+)
+def test_each_limit_that_is_met_has_its_bit(
+    asked: float, effort: float, step: float, quantum: float, last_share: float, ceiling: float
+) -> None:
+    p, last = limits(effort, step, quantum), last_share * effort
+    ceiling *= effort
+    found = limited_by(p, asked, last, ceiling)
+    if found == 0:
+        assert limit_effort(p, asked, last, ceiling) == asked
+    assert bool(found & AT_LIMIT) == (abs(asked) >= effort)
+    assert bool(found & RAMPED) == (ceiling < abs(asked) < effort)
+    bound = min(effort, ceiling)
+    away = abs(max(-bound, min(bound, asked)) - last)
+    assert bool(found & RATE_LIMITED) == (away > step) or math.isclose(away, step)
+    assert not found & STEPPED or quantum > 0.0
 
 
 def test_rate_limit_walks_to_the_target_and_stays() -> None:

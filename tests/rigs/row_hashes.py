@@ -215,7 +215,11 @@ def difference(kept: Rows, now: Rows) -> str | None:
     if kept.columns != now.columns:
         gone = [name for name in kept.columns if name not in now.columns]
         new = [name for name in now.columns if name not in kept.columns]
-        return f"columns: gone {gone}, new {new}" if gone or new else "columns: another order"
+        if not gone and not new:
+            return "columns: another order"
+        both = [name for name in now.columns if name in kept.columns]
+        rest = difference(of_columns(kept, both), of_columns(now, both))
+        return f"columns: gone {gone}, new {new}; the others: {rest or 'equal'}"
     if kept.count != now.count:
         return f"{now.count} rows, was {kept.count}"
     if kept.ended != now.ended:
@@ -224,6 +228,12 @@ def difference(kept: Rows, now: Rows) -> str | None:
         name for name, was, is_ in zip(now.columns, kept.each, now.each, strict=True) if was != is_
     ]
     return f"other numbers in {', '.join(others)}"
+
+
+def of_columns(rows: Rows, names: Sequence[str]) -> Rows:
+    """Return what is kept of some columns of a run alone."""
+    each = dict(zip(rows.columns, rows.each, strict=True))
+    return rows._replace(columns=tuple(names), all="", each=tuple(each[name] for name in names))
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -15,8 +15,15 @@ from tautwave.controller.inertia import close_inertia, lighten, start_inertia
 from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
 from tautwave.laws.compensation import compensation_effort
-from tautwave.laws.limit import NOT_A_NUMBER, guard_axis, limit_effort
-from tautwave.laws.site import held_effort, limit_site, limit_velocity, render_wall, wall_ahead
+from tautwave.laws.limit import NOT_A_NUMBER, guard_axis, limit_effort, limited_by
+from tautwave.laws.site import (
+    held_effort,
+    limit_site,
+    limit_velocity,
+    render_wall,
+    velocity_limited,
+    wall_ahead,
+)
 from tautwave.laws.velocity import track_velocity
 from tautwave.laws.wall import wall_depth, wall_effort, wall_loss, wall_stored
 
@@ -43,6 +50,7 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
     s.wall_effort = 0.0
     s.tag = 0.0
     s.alarm = 0
+    s.limited = 0
     s.acted_total = 0.0
     s.acted_port = 0.0
     s.acted_wall = 0.0
@@ -293,6 +301,9 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     if site.compensates or site.lightens:
         port = port + support
     total, port, wall, wanted = limit_site(site, wall, port, s.total, ceiling)
+    s.limited = 0
+    if total != wanted or math.fabs(wanted) >= site.limit.effort:
+        s.limited = limited_by(site.limit, wanted, s.total, ceiling)
     if site.compensates or site.lightens:
         port = port - support
     s.asked = wanted
@@ -317,6 +328,7 @@ def think_velocity(
         return s.alarm
     velocity = limit_velocity(site, asked, ceiling)
     s.asked = asked
+    s.limited = velocity_limited(site, asked, ceiling, velocity)
     s.command = velocity
     s.total = velocity
     s.wall_effort = held_effort(site, push, stiffness, damping, velocity)
@@ -330,6 +342,9 @@ def render_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> i
         stop_axis(s, p, ceiling)
         return guard
     total = limit_effort(p.site.limit, effort, s.total, ceiling)
+    s.limited = 0
+    if total != effort or math.fabs(effort) >= p.site.limit.effort:
+        s.limited = limited_by(p.site.limit, effort, s.total, ceiling)
     s.asked = effort
     s.total = total
     s.port_effort = total

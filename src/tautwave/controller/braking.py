@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tautwave.controller.records import AxisParams, AxisState
 from tautwave.controller.steps import Steps
-from tautwave.laws.limit import UNSEEN, limit_effort, stop_effort
+from tautwave.laws.limit import STOPPED, UNSEEN, limit_effort, stop_effort
 
 
 def stop_axis(s: AxisState, p: AxisParams, ceiling: float) -> None:
@@ -25,6 +25,7 @@ def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> No
     nothing.
     """
     s.stopping = True
+    s.limited = STOPPED
     total = 0.0
     s.command = 0.0
     if p.impedance and not s.dead:

@@ -148,7 +148,8 @@ class AxisState:
     it. What acted since the last sample is summed up: `count` slots and efforts. `waited` are the
     slots of the interval before, `ramped` those of this one over which a stop's ramp has gone
     already. `end` is the coupling's own state here, and its steps leave the code of a reason to
-    stop in `alarm`, with two numbers for its sentence in `found` and `allowed`. `dead`: its device
+    stop in `alarm`, with two numbers for its sentence in `found` and `allowed`. `limited` says by
+    bits of `laws.limit` why less than what coupling and wall ask for is sent. `dead`: its device
     is in fault.
     """
 
@@ -186,6 +187,7 @@ class AxisState:
     missing: int = 0
     guard: int = 0
     alarm: int = 0
+    limited: int = 0
     found: float = 0.0
     allowed: float = 0.0
     valid: bool = False

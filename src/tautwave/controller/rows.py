@@ -20,7 +20,7 @@ from tautwave.controller.steps import Law, Steps
 def axis_columns(name: str, p: AxisParams, law: Law) -> list[str]:
     """Return the column names of one axis, e.g. `master.wrist`; filled by `fill_axis`."""
     names = ["position", "velocity", "commanded", "port_effort", "valid"]
-    names += ["port_energy", "gross_flow", "uncertainty"]
+    names += ["port_energy", "gross_flow", "uncertainty", "limited"]
     names += law.signals
     if not p.impedance or p.senses:
         names += ["measured_effort"]
@@ -65,7 +65,8 @@ def fill_axis(out: Row, at: int, s: AxisState, p: AxisParams, weight: float, ste
     out[at + 5] = weight * s.port_energy
     out[at + 6] = weight * s.gross_flow
     out[at + 7] = weight * s.uncertainty
-    at = at + 8
+    out[at + 8] = s.limited
+    at = at + 9
     at = steps.fill_signals(out, at, s, p)
     if not p.impedance or p.senses:
         out[at] = s.outside

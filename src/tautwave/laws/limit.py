@@ -23,6 +23,24 @@ NOT_A_NUMBER = 6
 UNSEEN = 7
 """The guard's code for an axis that had no sample for too long, skipped slots included."""
 
+CLIPPED = 1
+"""What the coupling asked for was cut at its share of the axis; a bit of what limits a command."""
+
+AT_LIMIT = 2
+"""The axis' effort limit, of an axis that takes velocities its velocity limit; a bit."""
+
+RATE_LIMITED = 4
+"""The effort rate limit; a bit."""
+
+STEPPED = 8
+"""The drive's steps of effort or velocity; a bit."""
+
+RAMPED = 16
+"""The ceiling of the engage or release ramp, or one that was tuned; a bit."""
+
+STOPPED = 32
+"""A stop, which acts in place of coupling and wall; a bit."""
+
 
 class LimitParams(NamedTuple):
     """Limits of an axis; an absent one is infinite.
@@ -58,19 +76,40 @@ def effort_bound(p: LimitParams, ceiling: float) -> float:
     return p.effort
 
 
+def slew(value: float, last: float, step: float) -> float:
+    """Return `value` where it is within `step` of `last`, else as near to it as a step allows."""
+    rise = value - last
+    if rise > step:
+        return last + step
+    if rise < -step:
+        return last - step
+    return value
+
+
 def limit_effort(p: LimitParams, asked: float, last: float, ceiling: float) -> float:
     """Return the resisting effort that may be sent [N m or N].
 
     Order: NaN to zero and the effort limit or the engage ramp's `ceiling`, whichever is lower;
     then the rate limit from `last`; then truncation to the drive's quantum, towards zero.
     """
-    value = clamp(asked, effort_bound(p, ceiling))
-    rise = value - last
-    if rise > p.effort_step:
-        value = last + p.effort_step
-    elif rise < -p.effort_step:
-        value = last - p.effort_step
+    value = slew(clamp(asked, effort_bound(p, ceiling)), last, p.effort_step)
     return truncate(value, p.effort_quantum)
+
+
+def limited_by(p: LimitParams, asked: float, last: float, ceiling: float) -> int:
+    """Return which limits `limit_effort` meets, at or beyond them: a sum of the bits above."""
+    bits = 0
+    value = clamp(asked, effort_bound(p, ceiling))
+    if value != asked:
+        bits = RAMPED
+    if not -p.effort < asked < p.effort:
+        bits = AT_LIMIT
+    slewed = slew(value, last, p.effort_step)
+    if slewed != value:
+        bits += RATE_LIMITED
+    if truncate(slewed, p.effort_quantum) != slewed:
+        bits += STEPPED
+    return bits
 
 
 def truncate(value: float, quantum: float) -> float:

@@ -15,7 +15,16 @@ from tautwave.laws.compensation import (
     CompensationParams,
     InertiaParams,
 )
-from tautwave.laws.limit import LimitParams, clamp, effort_bound, limit_effort, share_effort
+from tautwave.laws.limit import (
+    AT_LIMIT,
+    RAMPED,
+    STEPPED,
+    LimitParams,
+    clamp,
+    effort_bound,
+    limit_effort,
+    share_effort,
+)
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort
 
 
@@ -136,6 +145,17 @@ def limit_velocity(p: SiteParams, asked: float, ceiling: float) -> float:
             counts = counts + 1
         velocity = p.velocity_quantum * counts
     return velocity
+
+
+def velocity_limited(p: SiteParams, asked: float, ceiling: float, velocity: float) -> int:
+    """Return why `limit_velocity` made this of what was asked for: bits of `laws.limit`."""
+    if velocity == asked:
+        return 0
+    if not -p.limit.velocity <= asked <= p.limit.velocity:
+        return AT_LIMIT
+    if not -ceiling <= asked <= ceiling:
+        return RAMPED
+    return STEPPED
 
 
 def held_effort(

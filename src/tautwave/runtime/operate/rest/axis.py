@@ -39,6 +39,7 @@ def send_resting(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> 
         total = limit_effort(p.site.limit, effort, s.total, ceiling)
         s.command = -total
     s.asked = effort
+    s.limited = 0
     s.total = total
     s.port_effort = total
     s.wall_effort = 0.0
