@@ -249,7 +249,10 @@ REFUSED = (
         "slave.arm={dh: [{inertia: [1.0, 1.0, 1.0, 2.0, 0.0, 0.0]}]}",
         "slave.arm.dh.0.inertia: not physically possible for a rigid body",
     ),
-    ("slave.arm={dh: [{kind: prismatic}]}", "joint 'row 1' of the arm slides, so this should be"),
+    (
+        "slave.arm={dh: [{kind: prismatic, mass: 0.1}]}",
+        "joint 'row 1' of the arm slides, so this should be",
+    ),
     ("slave.arm={dh: []}", "give either urdf, or dh with one row for each axis"),
 )
 

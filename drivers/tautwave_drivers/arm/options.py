@@ -152,6 +152,14 @@ class ArmOptions(Block):
                 "the {place} has {rows} joints, `joints` names {names}",
                 {"place": place, "rows": len(kinds), "names": len(self.joints)},
             )
+        known = [link.name for link in links if link.kind != "fixed"]
+        if sorted(known) == sorted(self.joints) and known != list(self.joints):
+            raise PydanticCustomError(
+                "chain",
+                "the joints of the {place} are in another order; list them from base to tip: "
+                "{names}",
+                {"place": place, "names": ", ".join(known)},
+            )
         return kinds
 
     @model_validator(mode="after")

@@ -14,6 +14,7 @@ from tautwave.config.defaults import expand_defaults
 from tautwave.config.halves import leave_other_half
 from tautwave.config.inputs.chains import name_chains
 from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
+from tautwave.config.inputs.joints import order_axes
 from tautwave.config.inputs.meshes import name_meshes
 from tautwave.config.keys.common import AUTO, GREATEST, LEAST, outsized
 from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
@@ -108,6 +109,7 @@ def finish_rig(
     name_file_parts(document)
     name_option_files(document)
     name_chains(document)
+    order_axes(document)
     name_meshes(document)
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)

@@ -33,6 +33,16 @@ def arm_axes(rig: Rig, side: str) -> list[str]:
     return [name for name in rig.axes if name.startswith(f"{side}.")]
 
 
+def joint_names(rig: Rig, side: str) -> dict[str, str]:
+    """Return the joint that each axis of a side is, by its full name; {} without an arm."""
+    keys = getattr(rig, side).arm
+    if keys is None:
+        return {}
+    links, _ = chain_links(keys)
+    joints = [link.name for link in links if link.kind != "fixed"]
+    return dict(zip(arm_axes(rig, side), joints, strict=True))
+
+
 def bare_chain(keys: Chain, payload: Payload | None) -> Chain:
     """Return the keys of a chain alone, without what else an arm has, and with a payload."""
     own = {name: getattr(keys, name) for name in Chain.model_fields}

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from tautwave.config import Axis, Rig, count_velocity
+from tautwave.config.inputs.chains import weighs
 from tautwave.registry import load_named
 from tautwave.rig import coupling_part, one_way_delay, pair_scale
-from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads
+from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads, joint_names
 from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages
@@ -113,7 +114,10 @@ def load_facts(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str,
     """Yield of each axis that carries a load how much, and what that costs or would cost."""
     felt = felt_axes(rig)
     for side in ("master", "slave"):
-        carried = carried_axes(rig, side)
+        carried, joints = carried_axes(rig, side), joint_names(rig, side)
+        arm = getattr(rig, side).arm
+        if arm is not None and not weighs(arm):
+            yield f"arm of the {side}", "no link has a mass: a kinematic chain, without a load"
         for name, most in greatest_loads(rig, side).items():
             pair = name.partition(".")[2]
             rotary = rig.axes[name].kind == "rotary"
@@ -136,7 +140,7 @@ def load_facts(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str,
                     f"; {would or 'carried by the coupling: it sets'} the pair {each:.3g} {place} "
                     f"apart per {unit}, {each * most:.3g} {place} in all"
                 )
-            yield f"load of {name}", text
+            yield f"load of {name}", f"joint {joints[name]}, {text}" if name in joints else text
 
 
 PAIR_HEADS = ("pair", ">one-way delay", ">standing offset", ">effort passed on")

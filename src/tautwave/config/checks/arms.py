@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tautwave.config.inputs.chains import chain_links
+from tautwave.config.inputs.chains import chain_links, weighs
 from tautwave.config.keys.arm import Arm, Chain
 from tautwave.config.keys.devices import Axis
 from tautwave.config.keys.load import TrueLoad
@@ -176,10 +176,15 @@ def _check_arm(
         document.report(
             at,
             f"{len(joints)} joints ({', '.join(link.name for link in joints)}) for {len(axes)} "
-            f"axes ({', '.join(axes)}); each axis of the side is a joint, in order from base to "
-            "tip",
+            f"axes ({', '.join(axes)}); each axis of the side is a joint",
         )
         return
+    if isinstance(keys, Arm) and keys.compensate and any(keys.gravity) and not weighs(keys):
+        document.report(
+            at,
+            "no moving link or payload has a mass, so there is no weight to compensate for; give "
+            "masses, or state `compensate: false`",
+        )
     for link, (name, axis) in zip(joints, axes.items(), strict=True):
         if axis is None:
             continue

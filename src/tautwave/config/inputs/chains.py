@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tautwave.config.inputs.recordings import find_recording
 from tautwave.config.inputs.urdf import JointLimits, read_urdf
-from tautwave.config.keys.arm import Chain, DhRow
+from tautwave.config.keys.arm import Arm, Chain, DhRow
 from tautwave.config.text.document import Document
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.models.chain.build import (
@@ -66,6 +66,14 @@ def chain_constants(keys: Chain) -> ChainParams:
     """
     links, _ = chain_links(keys)
     return build_chain(links, keys.gravity, held_at_tip(keys))
+
+
+def weighs(keys: Chain) -> bool:
+    """Return whether a moving link of a chain, or anything that its tip may hold, has a mass."""
+    payloads = keys.payloads.values() if isinstance(keys, Arm) else ()
+    held = [one for one in (keys.payload, *payloads) if one is not None]
+    links, _ = chain_links(keys)
+    return any(one.mass > 0.0 for one in (*held, *(link.body for link in links)))
 
 
 def held_at_tip(keys: Chain) -> Body:

@@ -55,7 +55,7 @@ class Payload(Block):
 
 
 class Chain(Block):
-    """A serial chain, whose joints are a side's axes in their order, from base to tip."""
+    """A serial chain, whose joints are a side's axes: by their names, or in a stated order."""
 
     urdf: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
@@ -67,8 +67,15 @@ class Chain(Block):
         default=None,
         description="URDF link of the tip; default: the link after the last moving joint.",
     )
+    order: Literal["base_to_tip"] | None = Field(
+        default=None,
+        description="The axes are listed in the order of the URDF's joints, from base to tip. "
+        "Default: an axis is the joint that its `joint` names, or that of its own name.",
+    )
     dh: tuple[DhRow, ...] | None = Field(
-        default=None, description="The chain as rows of classic Denavit-Hartenberg parameters."
+        default=None,
+        description="The chain as rows of classic Denavit-Hartenberg parameters, a row for each "
+        "axis in their order, from base to tip.",
     )
     gravity: Point = Field(
         default=(0.0, 0.0, -9.80665), description="[m/s^2] In the base frame of the chain."
@@ -81,6 +88,8 @@ class Chain(Block):
             raise PydanticCustomError("order", "give either urdf, or dh with one row for each axis")
         if self.tip is not None and self.urdf is None:
             raise PydanticCustomError("order", "tip applies to a URDF only; remove it")
+        if self.order is not None and self.urdf is None:
+            raise PydanticCustomError("order", "rows of dh are in that order anyway; remove order")
         return self
 
 

@@ -184,6 +184,10 @@ class Axis(Block):
     kind: Literal["rotary", "linear"] = Field(
         description="Determines the units: rad, N m, kg m^2 or m, N, kg; here or in `defaults`."
     )
+    joint: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="Joint of the side's `arm` that the axis is; default: that of the same name.",
+    )
     causality: Literal["impedance", "admittance"] = Field(
         default="impedance",
         description="impedance: commanded by effort; admittance: commanded by velocity, measures "
@@ -299,7 +303,7 @@ class Side(Block):
     )
     arm: Arm | None = Field(
         default=None,
-        description="The axes are the joints of a serial chain, in order from base to tip.",
+        description="The axes are the joints of a serial chain.",
     )
 
 
