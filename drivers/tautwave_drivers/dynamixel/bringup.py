@@ -8,6 +8,7 @@ series, "Operating Mode(11)", "Return Delay Time(9)", "Status Return Level(68)",
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,10 +21,14 @@ from tautwave_drivers.dynamixel.protocol.messages import hardware_text, status_t
 from tautwave_drivers.dynamixel.protocol.models import CAVEAT, VELOCITY_UNIT, model_name
 from tautwave_drivers.dynamixel.protocol.registers import Register
 from tautwave_drivers.dynamixel.protocol.units import Scale
+from tautwave_drivers.dynamixel.state import AGAIN
 
 REVERSED = 0x01
 TORQUE_BY_GOAL = 0x08
 """Bits of Drive Mode(10): turns the other way; a goal alone switches torque on."""
+
+LAST_ID, NO_ID = 252, 255
+"""Greatest id of a servo; a Secondary ID(12) above it is none, and this is the default."""
 
 REBOOT_PINGS = 20
 """Each waits 0.1 s for a servo that is still starting."""
@@ -54,6 +59,7 @@ class Bringup:
         self._options = options
         self._bus = bus
         self._changes: list[str] = []
+        self._set: defaultdict[int, dict[Register, int]] = defaultdict(dict)
         self.unwatched: dict[str, str] = {}
         self.watchdog_s: dict[str, float] = {}
         self.notes: list[str] = []
@@ -156,6 +162,8 @@ class Bringup:
     def _lasting(self, servo: Servo) -> None:
         """Compare the EEPROM with what the rig needs; write it where that is allowed."""
         delay = round(self._options.return_delay_s / reg.RETURN_DELAY_UNIT_S)
+        if self._get(servo, reg.SECONDARY_ID) <= LAST_ID:
+            self._keep(servo, reg.SECONDARY_ID, NO_ID, "until then it obeys that id's goals too")
         self._keep(servo, reg.OPERATING_MODE, servo.mode)
         self._keep(servo, reg.RETURN_DELAY, delay)
         given = servo.options.current_limit
@@ -172,13 +180,14 @@ class Bringup:
                 "applies on top of it"
             )
 
-    def _keep(self, servo: Servo, register: Register, wanted: int) -> None:
+    def _keep(self, servo: Servo, register: Register, wanted: int, why: str = "") -> None:
         found = self._get(servo, register)
         if found == wanted:
             return
         change = (
             f"{self._where(servo)}: {register.name}({register.address}) "
             f"{_shown(register, found)} -> {_shown(register, wanted)}"
+            + (f" ({why})" if why else "")
         )
         if not self._bus.configure:
             self._changes.append(change)
@@ -244,6 +253,23 @@ class Bringup:
             f"(read); torque off, {'goal current' if servo.axis.takes_position else 'goal 0'}, "
             "status return level 2 (written and read back)"
         )
+
+    def verify(self, servos: Sequence[Servo]) -> None:
+        """Read once more what was set in RAM: a servo may have been switched off and on meanwhile.
+
+        Raises
+        ------
+        DeviceFault
+            One has forgotten.
+        """
+        for servo in servos:
+            for register, value in self._set[servo.options.id].items():
+                found = self._get(servo, register)
+                if found != value:
+                    raise DeviceFault(
+                        f"{self._where(servo)}: {register.name}({register.address}) reads {found} "
+                        f"instead of {value}: {AGAIN}"
+                    )
 
     def arm(self, servo: Servo) -> None:
         """Write the bus watchdog and read it back; it runs once torque is on."""
@@ -312,6 +338,8 @@ class Bringup:
                 f"{self._where(servo)}: {register.name}({register.address}) reads {found} after "
                 f"{value} was written; is another program on the line?"
             )
+        if not register.eeprom:
+            self._set[device_id][register] = value
 
     def _where(self, servo: Servo) -> str:
         return f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id})"

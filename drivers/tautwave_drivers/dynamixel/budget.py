@@ -12,14 +12,18 @@ from typing import NamedTuple
 
 from tautwave.contracts import READ_SHARE, Budget, BusSpec
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
+from tautwave_drivers.dynamixel.state import FORGETS_NS, TORQUE
 
 BITS_PER_BYTE = 10
 
 BLOCK = 10
 """Bytes read of each servo: current, velocity, position."""
 
-STATUS_BLOCK = 12
-"""The same with hardware error and watchdog."""
+READ_BYTES = 14 + 11
+"""A read and its response, without what is read."""
+
+STATUS_BLOCK = 13
+"""The same with torque enable, hardware error and watchdog."""
 
 
 class Traffic(NamedTuple):
@@ -86,8 +90,16 @@ def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
     match_servos(options, bus)
     traffic = traffic_of(options, bus)
     exchange = _exchange_s(options, traffic)
-    needed = exchange / READ_SHARE
     lines = [_arithmetic(options, traffic, exchange)]
+    if bus.period_ns > FORGETS_NS and not options.status_block:
+        each = (READ_BYTES + TORQUE.size) * BITS_PER_BYTE / options.baud
+        each += options.return_delay_s + options.latency_s
+        exchange += traffic.servos * each
+        lines.append(
+            f"a servo can restart within a period: {traffic.servos} x {each * 1e3:.3f} ms to read "
+            f"that none did = {exchange * 1e3:.3f} ms (status_block: true reads it with the rest)"
+        )
+    needed = exchange / READ_SHARE
     lines.append(
         f"responses have to be in by {READ_SHARE:.0%} of the period: "
         f"{exchange * 1e3:.3f} ms / {READ_SHARE:g} = {needed * 1e3:.3f} ms, at most "

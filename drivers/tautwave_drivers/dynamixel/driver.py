@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 
 from tautwave.contracts import BusSpec, BytePort, Clock, Row
 from tautwave.errors import DriverError
-from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits, watchdog_units
 from tautwave_drivers.dynamixel.enabling import Enabling
 from tautwave_drivers.dynamixel.exchange import Exchange, Timing
@@ -31,6 +31,7 @@ from tautwave_drivers.dynamixel.protocol.indirect import map_status_block
 from tautwave_drivers.dynamixel.protocol.messages import status_text
 from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of
 from tautwave_drivers.dynamixel.staging import Staging
+from tautwave_drivers.dynamixel.state import FORGETS_NS
 from tautwave_drivers.dynamixel.watching import Watch
 from tautwave_drivers.serial_port import SerialPort
 
@@ -79,6 +80,8 @@ class DynamixelDriver:
         self._on = False
         self._sent_ns = 0
         self._status_block = options.status_block
+        self._armed: list[int | None] = [watchdog_units(options)] * len(self._servos)
+        self._first = False
         self._watchdog_ns = round(options.watchdog_s * 1e9)
         self._lost = ""
         self._faults: list[Fault] = []
@@ -115,12 +118,17 @@ class DynamixelDriver:
             bringup.notes = self.notes
             self._limits = bringup.run(self._servos, self._scales)
             self.identities = bringup.identities
+            units = watchdog_units(self._options)
+            self._armed[:] = [
+                None if servo.axis.name in bringup.unwatched else units for servo in self._servos
+            ]
             if self._options.status_block:
                 map_status_block(slow, self._servos)
             self._build(port)
             self._try_reading()
             for servo in self._servos:
                 bringup.arm(servo)
+            bringup.verify(self._servos)
             self.watchdog_s, self.unwatched = bringup.watchdog_s, bringup.unwatched
             self.unconfirmed = {}
         except BaseException:
@@ -158,7 +166,7 @@ class DynamixelDriver:
             fast=options.read == "fast_sync",
         )
         self._staging = Staging(self._servos, self._scales, self._limits)
-        self._watch = Watch(self._line, self._clock, self._servos, self._bus, options)
+        self._watch = Watch(self._line, self._clock, self._servos, self._bus, options, self._armed)
 
     def attach(self, port: BytePort) -> None:
         """Take a line with servos taken for enabled, without a packet: to measure a cycle."""
@@ -209,23 +217,21 @@ class DynamixelDriver:
         port = self._port
         if port is None:
             raise DriverError(f"bus {self._bus.name}: enable_step before open")
-        now = self._clock.now_ns()
-        if self._on:
-            if now - self._sent_ns > KEEP_ALIVE_SHARE * 1e9 * self._options.watchdog_s:
-                port.write(self._torque(1))
-                self._sent_ns = now
-            return True
         if self._enabling is None:
-            on = self._torque(1)
-            port.write(self._staging.packet() + on)  # zero since they were made
-            self._enabling = Enabling(port, self._clock, self._servos, self._bus, on)
-            self._sent_ns = now
+            self._enabling = Enabling(
+                port,
+                self._clock,
+                self._servos,
+                self._bus,
+                lambda ids: self._torque(1, ids),
+                self._staging.packet(),  # zero since they were made
+                round(KEEP_ALIVE_SHARE * self._watchdog_ns),
+                self._armed,
+            )
             return False
-        if now - self._sent_ns > self._watchdog_ns:
-            self._watch.note_silence(now - self._sent_ns)
-        self._on = self._enabling.step()
-        self._sent_ns = now
-        return self._on
+        ready = self._enabling.step()
+        self._on = self._first = self._on or ready
+        return ready
 
     # -- every cycle ----------------------------------------------------------------------
 
@@ -239,7 +245,11 @@ class DynamixelDriver:
                 self._exchange.send(b"", now)
                 return
             self._sent_ns = now
-            if now - before > self._watchdog_ns:
+            if self._first and self._enabling is not None:
+                self._first = False
+                for index, verified_ns in enumerate(self._enabling.verified_ns):
+                    self._watch.note_gap(index, now - verified_ns)
+            elif now - before > FORGETS_NS:
                 self._watch.note_silence(now - before)
             if self._watch.requests and self._watch.urgent:
                 self._port.write(self._staging.packet())
@@ -277,16 +287,19 @@ class DynamixelDriver:
                     )
                 )
             if self._exchange.returned:
-                self._watch.note_returned(self._exchange.returned, self._watchdog_ns)
+                if self._on:
+                    watch.note_returned(self._exchange.returned)
                 self._exchange.returned.clear()
             if self._on and (alert or watch.requests or self._exchange.refusals):
                 watch.alerts(self._exchange.values, self._exchange.refusals)
                 watch.read_pending(deadline_ns, self._faults)
-            if self._status_block:
+            if self._status_block and self._on:
                 watch.status(self._exchange.values, self._faults)
         except DriverError as err:
             self._lose(err)
             return [MISSING] * len(self._servos)
+        for index in watch.unseen:
+            states[index] = MISSING
         return states
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
@@ -298,6 +311,11 @@ class DynamixelDriver:
             )
         if not self._on:
             return
+        if self._watch.failed:
+            commands = [
+                SAFE_COMMAND if index in self._watch.failed else command
+                for index, command in enumerate(commands)
+            ]
         self._staging.put(commands)
 
     def faults(self) -> Sequence[Fault]:
@@ -331,7 +349,7 @@ class DynamixelDriver:
             return
         self._staging.zero()
         try:
-            port.write(self._staging.packet() + self._torque(0))
+            port.write(self._staging.packet() + self._torque(0, self._ids))
             for servo in self._servos:
                 self._switch_off(servo)
         except DriverError as err:
@@ -363,8 +381,8 @@ class DynamixelDriver:
 
     # -- parts ------------------------------------------------------------------------------
 
-    def _torque(self, on: int) -> bytes:
-        pairs = [(device_id, bytes((on,))) for device_id in self._ids]
+    def _torque(self, on: int, ids: Sequence[int]) -> bytes:
+        pairs = [(device_id, bytes((on,))) for device_id in ids]
         return packet.sync_write_packet(reg.TORQUE_ENABLE.address, 1, pairs)
 
     def _lose(self, err: DriverError) -> None:

@@ -1,28 +1,42 @@
-"""Verifying that torque is on, servo by servo, without ever waiting."""
+"""Verifying that torque is on and stays on, servo by servo, without ever waiting."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from tautwave.contracts import BusSpec, BytePort, Clock
 from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.dynamixel.options import Servo
 from tautwave_drivers.dynamixel.protocol import packet
-from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text
+from tautwave_drivers.dynamixel.state import FORGETS_NS, TORQUE, state_fault, state_register
 
-FIRST = reg.TORQUE_ENABLE.address
-SIZE = reg.HARDWARE_ERROR.address - FIRST + 1
 AGAIN_NS = 30_000_000
 TRIES = 20
+LEAST_PERIODS = 2
+"""Between two reads of servos that are on: other buses have to find this one ready in between."""
 
 
 class Enabling:
     """Reads from one servo after the other whether its torque, just switched on, is on.
 
-    `torque_on`, to all of them, goes out before each read: one servo's command may have been lost,
-    and the others' watchdogs run while it is asked. Nothing is pending when `step` returns True, so
-    that the loop's first request collides with no response.
+    Before each read `torque_on` goes out to those that have not confirmed yet, whose packet may
+    have been lost; never to one that has, which by now may have forgotten its limits and watchdog.
+    While other buses are enabled it goes on reading, so that none forgets unseen. Nothing is
+    pending when `step` returns True: the loop's first request collides with no response.
+
+    Parameters
+    ----------
+    port, clock, servos, bus
+        The line and what is on it.
+    torque_on : callable
+        Returns the packet that switches on the servos with these ids.
+    feed : bytes
+        Packet to all servos that keeps their watchdogs from tripping.
+    feed_ns : int
+        Longest time between two of them [ns].
+    armed : sequence of int or None
+        Each servo's bus watchdog.
     """
 
     def __init__(
@@ -31,53 +45,78 @@ class Enabling:
         clock: Clock,
         servos: Sequence[Servo],
         bus: BusSpec,
-        torque_on: bytes,
+        torque_on: Callable[[Sequence[int]], bytes],
+        feed: bytes,
+        feed_ns: int,
+        armed: Sequence[int | None],
     ) -> None:
         self._port = port
-        self._torque_on = torque_on
         self._clock = clock
         self._servos = servos
         self._bus = bus
+        self._torque_on = torque_on
+        self._feed = feed
+        self._feed_ns = feed_ns
+        self._armed = armed
         self._buffer = bytearray()
         self._at = 0
-        self._sent_ns: int | None = None
+        self._sent_ns = self._fed_ns = clock.now_ns()
+        self._pending = False
         self._tries = 0
+        self._on = [False] * len(servos)
+        self.verified_ns = [0] * len(servos)
+        """When each servo was last asked for what it then confirmed."""
+        least_ns = LEAST_PERIODS * bus.period_ns
+        self._interval_ns = max(FORGETS_NS // max(len(servos), 1), least_ns)
+        port.write(feed + torque_on([servo.options.id for servo in servos]))
 
     def step(self) -> bool:
-        """Do one step; return True when every servo has confirmed that it is on.
+        """Do one step; return whether every servo has confirmed that it is on.
 
         Raises
         ------
         DeviceFault
-            A servo reports a hardware error.
+            A servo reports a hardware error, or is not as it was set.
         DriverError
             A servo does not respond, or stays off.
         """
         self._buffer += self._port.read()
+        was_pending = self._pending
         while (found := packet.take_packet(self._buffer)) is not None:
             self._receive(found)
-        if self._at == len(self._servos):
-            return True
         now = self._clock.now_ns()
-        if self._sent_ns is None or now - self._sent_ns > AGAIN_NS:
+        if self._pending and now - self._sent_ns <= AGAIN_NS:
+            return False
+        settled = all(self._on) and not self._pending
+        if not settled or (not was_pending and now - self._sent_ns > self._interval_ns):
             self._send(now)
-        return False
+            return False
+        if now - self._fed_ns > self._feed_ns:
+            self._port.write(self._feed)
+            self._fed_ns = now
+        return True
 
     def _receive(self, found: packet.Packet) -> None:
-        if self._at == len(self._servos) or self._sent_ns is None:
+        servo, armed = self._servos[self._at], self._armed[self._at]
+        if not self._pending or found.device_id != servo.options.id:
             return
-        servo = self._servos[self._at]
-        if found.device_id != servo.options.id or found.instruction != packet.STATUS:
-            return
-        if len(found.data) != SIZE:
+        if found.instruction != packet.STATUS or len(found.data) != state_register(armed).size:
             return  # late, and the response to another request
-        self._sent_ns = None
-        error = found.data[SIZE - 1]
-        if error:
-            raise DeviceFault(f"{self._where(servo)}: {hardware_text(error)}; torque stays off")
-        if found.data[0]:
-            self._at += 1
-            self._tries = 0
+        self._pending = False
+        if not self._on[self._at]:
+            error = found.data[TORQUE.size - 1]
+            if error:
+                text = f"{hardware_text(error)}; torque stays off"
+                raise DeviceFault(f"{self._where(servo)}: {text}")
+            if not found.data[0]:
+                return  # asked again
+        text = state_fault(found.data, armed)
+        if text:
+            raise DeviceFault(f"{self._where(servo)}: {text}")
+        self._on[self._at] = True
+        self.verified_ns[self._at] = self._sent_ns
+        self._at = (self._at + 1) % len(self._servos)
+        self._tries = 0
 
     def _send(self, now_ns: int) -> None:
         servo = self._servos[self._at]
@@ -87,8 +126,13 @@ class Enabling:
                 f"{self._where(servo)}: torque does not switch on, or it stopped answering; check "
                 "its power and cable"
             )
-        self._port.write(self._torque_on + packet.read_packet(servo.options.id, FIRST, SIZE))
-        self._sent_ns = now_ns
+        off = [one.options.id for one, on in zip(self._servos, self._on, strict=True) if not on]
+        orders = self._feed + self._torque_on(off) if off else self._feed
+        state = state_register(self._armed[self._at])
+        read = packet.read_packet(servo.options.id, state.address, state.size)
+        self._port.write(orders + read)
+        self._sent_ns = self._fed_ns = now_ns
+        self._pending = True
 
     def _where(self, servo: Servo) -> str:
         return f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id})"

@@ -15,11 +15,11 @@ from tautwave_drivers.dynamixel.protocol.packet import FixedCrc
 FIELDS = "hii"
 """Present current, velocity, position."""
 
-STATUS_FIELDS = "hiiBb"
-"""The same with hardware error status and bus watchdog."""
+STATUS_FIELDS = "hiiBBb"
+"""The same with torque enable, hardware error status and bus watchdog."""
 
 Values = tuple[int, ...]
-"""Error byte, current, velocity, position [counts]; with them hardware error and watchdog."""
+"""Error byte, current, velocity, position [counts]; then torque enable, error, watchdog."""
 
 
 class FastPath:

@@ -67,8 +67,9 @@ class DynamixelOptions(BaseModel):
     read: Literal["sync", "fast_sync"] = "sync"
     """How the servos are read: one packet each, or one for all (newer firmware)."""
     status_block: bool = False
-    """Read hardware error and watchdog of every servo in every cycle too, through the indirect
-    addresses; without it they are read when a servo raises its alert bit."""
+    """Read torque enable, hardware error and watchdog of every servo in every cycle too, through
+    the indirect addresses; without it they are read when a servo raises its alert bit or nothing
+    was heard of it for 20 ms."""
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
     """[s] Latency timer of the USB adapter; 0: a real UART. Not given: 0.001 for /dev/ttyUSB*
     and /dev/ttyACM*, 0 else."""

@@ -9,7 +9,7 @@ from tautwave.types import Fault
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, status_text
 from tests.drivers.dynamixel.parts import Bench, bench, spec
 
-HARDWARE_ERROR = 70
+TORQUE_ENABLE = 64
 
 
 def enabled() -> Bench:
@@ -23,7 +23,7 @@ def test_an_alert_whose_reason_cannot_be_read_ends_the_run_all_the_same() -> Non
     made = enabled()
     servo = made.world.servos[1]
     read = servo.memory.read
-    servo.memory.read = lambda at, size: None if at == HARDWARE_ERROR else read(at, size)
+    servo.memory.read = lambda at, size: None if at == TORQUE_ENABLE else read(at, size)
     servo.fail(2)
     faults: list[Fault] = []
     for _ in range(8):
@@ -31,7 +31,8 @@ def test_an_alert_whose_reason_cannot_be_read_ends_the_run_all_the_same() -> Non
         faults += made.driver.faults()
     [fault] = faults
     assert (fault.axis, fault.fatal) == ("master.a2", True)
-    assert fault.text.startswith("alert: hardware error status cannot be read: "), fault.text
+    unread = "servo 2: torque enable and hardware error status cannot be read: "
+    assert fault.text.startswith(unread), fault.text
     made.driver.close()
 
 

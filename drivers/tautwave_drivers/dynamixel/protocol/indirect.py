@@ -15,10 +15,11 @@ from tautwave_drivers.dynamixel.protocol import registers as reg
 
 
 def status_addresses() -> list[int]:
-    """Return the bytes of the status block: the present values, hardware error, watchdog."""
+    """Return the bytes of the block: present values, torque enable, hardware error, watchdog."""
     present = reg.PRESENT
     block = list(range(present.address, present.address + present.size))
-    return [*block, reg.HARDWARE_ERROR.address, reg.BUS_WATCHDOG.address]
+    state = (reg.TORQUE_ENABLE, reg.HARDWARE_ERROR, reg.BUS_WATCHDOG)
+    return [*block, *(register.address for register in state)]
 
 
 def check_one_family(servos: Sequence[Servo]) -> None:

@@ -1,0 +1,263 @@
+"""The driver before servos that were written apart from it: power cycles, shadows, torque lost."""
+
+from __future__ import annotations
+
+import random
+from typing import Any, NamedTuple
+
+import pytest
+
+from tautwave.clock import FakeClock
+from tautwave.errors import DeviceFault, DriverError
+from tautwave.types import AxisCommand, Fault, JointState
+from tautwave_drivers.dynamixel.plugin import plugin
+from tests.drivers.dynamixel.parts import block, bus_of, servo, spec
+from tests.foreign import servo_line
+from tests.foreign.servo_line import ServoLine
+
+MS = 1_000_000
+DIPS = pytest.mark.parametrize(
+    "dip_ms", [50, *(pytest.param(each, marks=pytest.mark.slow) for each in (500, 5000))]
+)
+
+
+class Rig(NamedTuple):
+    driver: Any
+    line: ServoLine
+    clock: FakeClock
+    period_ns: int
+
+    def enable(self) -> None:
+        self.driver.open()
+        for _ in range(3000):
+            if self.driver.enable_step():
+                return
+            self.clock.sleep_until(self.clock.now_ns() + self.period_ns)
+        raise AssertionError("never enabled")
+
+    def cycle(self, effort: float = 0.1) -> tuple[list[JointState], list[Fault]]:
+        began = self.clock.now_ns()
+        self.driver.request()
+        states = list(self.driver.read(began + self.period_ns * 8 // 10))
+        self.driver.write([AxisCommand(effort, 0.0)] * len(states))
+        self.clock.sleep_until(began + self.period_ns)
+        return states, list(self.driver.faults())
+
+
+def rig(*registers: dict[int, tuple[int, int]], rate_hz: float = 1000.0, **more: Any) -> Rig:
+    registers = registers or ({}, {})
+    clock = FakeClock(1_000_000_000)
+    ids = range(1, len(registers) + 1)
+    line = ServoLine(
+        clock, *(servo_line.Servo(one, each) for one, each in zip(ids, registers, strict=True))
+    )
+    configure = more.pop("configure", False)
+    bus = bus_of(*(spec(one) for one in ids), configure=configure)._replace(rate_hz=rate_hz)
+    options = plugin.options.model_validate(block(*(servo(one) for one in ids), **more))
+    return Rig(plugin.make(options, bus, clock, line), line, clock, round(1e9 / rate_hz))
+
+
+def run_until_told(made: Rig, cycles: int) -> str:
+    """Run as the loop does, until a fault ends it; return it, '' if none came."""
+    for _ in range(cycles):
+        _, faults = made.cycle()
+        fatal = [fault.text for fault in faults if fault.fatal]
+        if fatal:
+            return fatal[0]
+    return ""
+
+
+def whole_run(made: Rig, cycles: int) -> str:
+    """Bring up, run, leave; return why it ended early, '' if it did not."""
+    try:
+        made.enable()
+    except DriverError as err:
+        return str(err)
+    else:
+        return run_until_told(made, cycles)
+    finally:
+        made.driver.close()
+
+
+def assert_safe(made: Rig, *, left: bool = True) -> None:
+    """What the devices themselves saw: none was driven without its watchdog, none is left on."""
+    for each in made.line.servos:
+        assert not each.unguarded
+        if left and made.driver.unconfirmed == {}:
+            assert not each.get(servo_line.TORQUE, 1)
+
+
+def test_it_runs_them() -> None:
+    made = rig()
+    assert whole_run(made, 200) == ""
+    assert made.line.servos[0].turn > 2100.0
+    assert_safe(made)
+
+
+def cut_power_at(made: Rig, victim: servo_line.Servo, number: int, dip_ms: int) -> None:
+    """Cut a servo's power before the host's instruction with this number."""
+
+    def hit(count: int) -> None:
+        if count == number:
+            victim.cut_power(made.clock.now_ns(), dip_ms * MS)
+
+    made.line.on_instruction = hit
+
+
+def instructions_of_bring_up() -> int:
+    made = rig()
+    made.enable()
+    return made.line.instructions
+
+
+@pytest.mark.parametrize("status_block", [False, True])
+@DIPS
+def test_a_power_cycle_at_each_moment_of_bring_up_is_refused_or_harmless(
+    dip_ms: int, status_block: bool
+) -> None:
+    """Where it changes nothing (torque was off and nothing set yet) the run goes on as if new."""
+    refused = 0
+    for number in range(0, instructions_of_bring_up(), 1 if dip_ms == 50 else 5):
+        made = rig(status_block=status_block)
+        victim = made.line.servos[1]
+        cut_power_at(made, victim, number, dip_ms)
+        ended = whole_run(made, 60)
+        refused += bool(ended)
+        assert_safe(made)
+        assert victim.limp_goals <= 1, (number, ended)
+        if not ended:
+            assert victim.turn > 2048.0, "it was driven to the end"
+    assert refused > 10
+
+
+@pytest.mark.parametrize("rate_hz", [1000.0, 100.0, 20.0])
+@pytest.mark.parametrize("status_block", [False, True])
+@DIPS
+def test_a_power_cycle_in_a_run_is_a_fault_of_that_device(
+    dip_ms: int, status_block: bool, rate_hz: float
+) -> None:
+    moments = [*range(50), *random.Random(3).sample(range(50, 300), 20)]
+    if dip_ms > 50 or rate_hz < 1000.0:
+        moments = moments[:: 7 if dip_ms < 5000 else 23]
+    for moment in moments:
+        made = rig(rate_hz=rate_hz, status_block=status_block, watchdog_s=0.3)
+        made.enable()
+        victim = made.line.servos[1]
+        for _ in range(moment):
+            _, faults = made.cycle()
+            assert not faults
+        # Anywhere in the period, not only at its ends.
+        cut_ns = made.clock.now_ns() + made.period_ns * (moment % 5) // 5
+        pending = [cut_ns]
+
+        def strike(now_ns: int, pending: Any = pending, victim: Any = victim) -> None:
+            if pending and now_ns >= pending[0]:
+                victim.cut_power(pending.pop(), dip_ms * MS)
+
+        made.line.on_advance = strike
+        told = run_until_told(made, int(dip_ms * rate_hz / 1000.0) + 40)
+        assert "torque enable(64) reads 0 instead of 1" in told, (moment, told)
+        assert victim.limp_goals <= 2, moment
+        made.driver.close()
+        assert_safe(made)
+
+
+def test_no_sample_of_a_servo_that_may_have_forgotten_is_used() -> None:
+    made = rig()
+    made.enable()
+    made.cycle()
+    made.line.servos[1].cut_power(made.clock.now_ns(), 50 * MS)
+    for _ in range(80):
+        states, faults = made.cycle()
+        assert not states[1].valid
+        if any(fault.fatal for fault in faults):
+            break
+    else:
+        raise AssertionError("never told")
+
+
+def test_a_servo_that_was_only_off_the_line_goes_on() -> None:
+    made = rig()
+    made.enable()
+    made.cycle()
+    victim = made.line.servos[1]
+    victim.deaf = True
+    for _ in range(40):
+        made.cycle()
+    victim.deaf = False
+    back = [made.cycle() for _ in range(10)]
+    assert not any(faults for _, faults in back)
+    assert back[-1][0][1].valid
+    made.driver.close()
+    assert_safe(made)
+
+
+@pytest.mark.parametrize("status_block", [False, True])
+@pytest.mark.parametrize(
+    ("register", "value", "words"),
+    [
+        (servo_line.TORQUE, 0, "torque enable(64) reads 0 instead of 1"),
+        (servo_line.WATCHDOG, 0, "bus watchdog(98) reads 0 instead of 5"),
+        (servo_line.WATCHDOG, 9, "bus watchdog(98) reads 9 instead of 5"),
+        (servo_line.WATCHDOG, -1, "its bus watchdog tripped"),
+    ],
+)
+def test_what_reads_otherwise_than_it_was_set_is_a_fault_whenever_it_is_read(
+    register: int, value: int, words: str, status_block: bool
+) -> None:
+    made = rig(status_block=status_block)
+    made.enable()
+    for _ in range(5):
+        made.cycle()
+    made.line.servos[1].put(register, 1, value)
+    if not status_block:  # nothing but a look shows it
+        made.clock.sleep_until(made.clock.now_ns() + 101 * MS)
+        for each in made.line.servos:
+            each.heard_ns = made.clock.now_ns()
+    told = run_until_told(made, 10)
+    assert words in told
+    made.driver.close()
+
+
+def test_a_watchdog_that_another_program_wrote_while_enabling_is_a_fault() -> None:
+    made = rig()
+    made.driver.open()
+    made.line.servos[0].put(servo_line.WATCHDOG, 1, 0)
+    with pytest.raises(DeviceFault, match=r"bus watchdog\(98\) reads 0 instead of 5"):
+        enable_steps(made, 100)
+
+
+def enable_steps(made: Rig, count: int) -> None:
+    for _ in range(count):
+        made.driver.enable_step()
+        made.clock.sleep_until(made.clock.now_ns() + MS)
+
+
+@pytest.mark.parametrize("shadow", [0, 1, 7, 252])
+def test_a_servo_that_obeys_a_second_id_is_refused_and_configure_ends_it(shadow: int) -> None:
+    registers = {servo_line.SHADOW: (1, shadow)}
+    with pytest.raises(
+        DriverError, match=rf"servo 2\): secondary id\(12\) {shadow} -> 255 \(until"
+    ):
+        rig({}, registers).driver.open()
+    made = rig({}, registers, configure=True)
+    made.enable()
+    assert made.line.servos[1].get(servo_line.SHADOW, 1) == 255
+    made.driver.close()
+
+
+@pytest.mark.parametrize("none", [253, 254, 255])
+def test_a_second_id_that_is_none_is_fine(none: int) -> None:
+    made = rig({}, {servo_line.SHADOW: (1, none)})
+    assert whole_run(made, 5) == ""
+
+
+def test_on_a_slow_bus_the_reads_in_each_period_are_in_the_budget() -> None:
+    options = plugin.options.model_validate(block(servo(1), servo(2)))
+    bus = bus_of(spec(1), spec(2))
+    fast, slow = (plugin.budget(options, bus._replace(rate_hz=rate)) for rate in (1000.0, 40.0))
+    reads = 2 * (14 + 11 + 7) * 10 / 4e6 / 0.8  # of 2 servos, in 80 % of the period
+    assert slow.time_s == pytest.approx(fast.time_s + reads)
+    assert "2 x 0.080 ms to read that none did" in slow.arithmetic
+    block_of = options.model_copy(update={"status_block": True})
+    assert "none did" not in plugin.budget(block_of, bus._replace(rate_hz=40.0)).arithmetic
