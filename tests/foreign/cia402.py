@@ -83,6 +83,8 @@ class ForeignDrive:
         Values of objects by index and sub-index, instead of or besides the defaults.
     lacks, fixed : collection of int
         Indices that it does not have, and that cannot be written.
+    eager : bool
+        All of its PDOs are on when it boots.
     pdos : int
         PDOs in each direction.
     """
@@ -96,13 +98,14 @@ class ForeignDrive:
         lacks: frozenset[int] = frozenset(),
         fixed: frozenset[int] = frozenset(),
         pdos: int = 4,
+        eager: bool = False,
     ) -> None:
         self.number, self.pdos = number, pdos
         self._fixed = fixed
-        known = dict(OBJECTS) | _pdo_objects(number, pdos)
+        known = dict(OBJECTS) | _pdo_objects(number, pdos, eager)
         known[0x1014, 0] = ("u4", 0x80 + number)
         for key, value in (objects or {}).items():
-            known[key] = (known[key][0] if key in known else OPTIONAL[key[0]], value)
+            known[key] = (known[key][0] if key in known else _kind(*key), value)
         self.kinds = {key: kind for key, (kind, _) in known.items() if key[0] not in lacks}
         self.values = {key: known[key][1] for key in self.kinds}
         self.stored: dict[Key, int] = {}
@@ -112,6 +115,8 @@ class ForeignDrive:
         self.inertia, self.damping = 1.5e-3, 3.0e-3
         self.held = False
         """Somebody holds the shaft."""
+        self.mute_of = self._muted = 0
+        """It sends only one of so many samples."""
         self._pending: dict[int, bytes] = {}
         self._sent_at: dict[int, float] = {}
         self._now = self._beat_at = 0.0
@@ -264,7 +269,9 @@ class ForeignDrive:
                 self._apply(number, held)
             self._pending.clear()
             for number in range(self.pdos):
-                if self._on(0x1800 + number) and self.value(0x1800 + number, 2) <= 240:
+                base = 0x1800 + number
+                counted = self.value(base, 6) == 0 or self.value(0x1019) == 0
+                if self._on(base) and self.value(base, 2) <= 240 and counted:
                     self._transmit(number)
         for number in range(self.pdos):
             base = 0x1400 + number
@@ -295,6 +302,10 @@ class ForeignDrive:
         if self._now - self._sent_at.get(number, -1e9) < inhibit - 1e-9:
             return
         self._sent_at[number] = self._now
+        if number == 0 and self.mute_of:
+            self._muted += 1
+            if self._muted % self.mute_of:
+                return
         data = self._codec(keys).pack(*(self.shown(*key) for key in keys))
         self._send(self.value(0x1800 + number, 1) & 0x7FF, data)
 
@@ -328,15 +339,24 @@ class ForeignDrive:
                 self._transmit(number)
 
 
-def _pdo_objects(number: int, pdos: int) -> dict[Key, tuple[str, int]]:
+def _kind(index: int, sub: int) -> str:
+    """Type of an object that is not in every drive."""
+    if index in range(0x1A00, 0x1C00):
+        return "u4" if sub else "u1"
+    if index in range(0x1800, 0x1A00):
+        return {0: "u1", 2: "u1", 3: "u2", 5: "u2", 6: "u1"}.get(sub, "u4")
+    return OPTIONAL[index]
+
+
+def _pdo_objects(number: int, pdos: int, eager: bool) -> dict[Key, tuple[str, int]]:
     found: dict[Key, tuple[str, int]] = {}
     for base, cob_id, word in ((0x1400, 0x200, 0x60400010), (0x1800, 0x180, 0x60410010)):
         for at in range(pdos):
             here = base + at
-            off = 0 if at == 0 else INVALID
+            off = 0 if at == 0 or eager else INVALID
             found |= {(here, 0): ("u1", 5), (here, 2): ("u1", 255), (here, 3): ("u2", 0)}
             found[here, 1] = ("u4", cob_id + 0x100 * (at % 4) + number | off)
-            found[here, 5] = ("u2", 0)
+            found |= {(here, 5): ("u2", 0), (here, 6): ("u1", 0)}
             found[here + 0x200, 0] = ("u1", 1)
             found |= {(here + 0x200, sub): ("u4", 0) for sub in range(1, 9)}
             found[here + 0x200, 1] = ("u4", word)

@@ -49,7 +49,7 @@ class Axis:
     doubtful : bool
         TPDOs are missing, and the next may belong to an older SYNC.
     late, short, lost : int
-        TPDOs for an older SYNC, with too few bytes, or missing.
+        TPDOs for an older SYNC, with too few bytes, or missing; `lost_then` a second ago or less.
     borrowed : dict of Entry to int
         What was found in objects that are changed while the bus is open: 6072h, watchdogs.
     unwatched : str
@@ -127,7 +127,7 @@ class Axis:
         self.unwatched = ""
         self.mode_since = 0
         self._mode_sent = 0
-        self.late = self.short = self.lost = 0
+        self.late = self.short = self.lost = self.lost_then = 0
         self.doubtful = False
         self._strict = False
         self._backlog = False

@@ -182,7 +182,7 @@ class CanopenDriver:
         if not self._enabled:
             self._enabled = done
             for axis in self._axes:
-                axis.lost = axis.late = 0  # counted from the first cycle on
+                axis.lost = axis.lost_then = axis.late = 0  # counted from the first cycle on
         for axis, startup in zip(self._axes, self._startups, strict=True):
             exchange.send(axis.rpdo_id, axis.pack(*axis.values))
             if startup.second_pdo is not None:
@@ -235,6 +235,7 @@ class CanopenDriver:
             cycle = exchange.cycle
             for axis in axes:
                 axis.settle(cycle, sync_ns)
+            self._health.watch_samples(cycle)
         return [axis.state(now) for axis in axes]
 
     def write(self, commands: Sequence[AxisCommand]) -> None:

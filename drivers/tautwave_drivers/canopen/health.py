@@ -47,6 +47,7 @@ class Health:
         self._timeout_ns = options.heartbeat_timeout_ms * 1_000_000
         # udp_multicast echoes what was sent.
         self._sync_is_ours = options.sync and options.interface != "udp_multicast"
+        self._window = max(2, round(1e9 / period_ns))
         beats = DEAD_BEATS * options.heartbeat_ms * 1e6 / period_ns
         self._dead_cycles = max(DEAD_CYCLES, round(beats))
         self.reset()
@@ -145,6 +146,19 @@ class Health:
         if data[0] == 0x4F:  # one byte, expedited (CiA 301, 7.2.4.3.6)
             axis.display = data[4] - 256 if data[4] > 127 else data[4]
             axis.force_step()
+
+    def watch_samples(self, cycle: int) -> None:
+        """Say of an axis that most cycles of the last second had no sample, as they come."""
+        if cycle % self._window:
+            return
+        for axis in self._axes.values():
+            lost, axis.lost_then = axis.lost - axis.lost_then, axis.lost
+            if 2 * lost > self._window:
+                self.report(
+                    f"{axis.label}: most cycles had no sample for {self._window} cycles: what is "
+                    "felt is that much coarser; look at the drive's inhibit time, the load of the "
+                    "bus and answer_share"
+                )
 
     def watch(self, now_ns: int) -> None:
         """Compare each heartbeat's age with what is allowed."""

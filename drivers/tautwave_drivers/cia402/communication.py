@@ -25,6 +25,7 @@ DEVICE_NAME = _entry(0x1008, 0, "STR", "device name", "", "by the manufacturer")
 HARDWARE_VERSION = _entry(0x1009, 0, "STR", "hardware version", "", "by the manufacturer")
 SOFTWARE_VERSION = _entry(0x100A, 0, "STR", "software version", "", "by the manufacturer")
 STORE_ALL = _entry(0x1010, 1, "U32", "store parameters", "", "written 'save': stores everything")
+TIME_COB_ID = _entry(0x1012, 0, "U32", "TIME COB-ID", "", "bit 31: it listens, bit 30: it sends")
 EMCY_COB_ID = _entry(0x1014, 0, "U32", "EMCY COB-ID", "", "80h + node; bit 31: none is sent")
 CONSUMER_COUNT = _entry(0x1016, 0, "U8", "heartbeats watched", "", "entries of 1016h")
 CONSUMER_HEARTBEAT = _entry(
@@ -36,6 +37,7 @@ VENDOR_ID = _entry(0x1018, 1, "U32", "vendor id", "", "given by CiA")
 PRODUCT_CODE = _entry(0x1018, 2, "U32", "product code", "", "by the manufacturer")
 REVISION = _entry(0x1018, 3, "U32", "revision", "", "major << 16 | minor")
 SERIAL_NUMBER = _entry(0x1018, 4, "U32", "serial number", "", "by the manufacturer")
+SYNC_COUNTER = _entry(0x1019, 0, "U8", "SYNC counter overflow", "", "0: SYNC has no counter")
 ERROR_BEHAVIOUR = _entry(
     0x1029,
     1,
@@ -64,6 +66,7 @@ class PdoEntries(NamedTuple):
     transmission: Entry
     inhibit_time: Entry
     timer: Entry
+    sync_start: Entry
     mapped_count: Entry
 
     def mapped(self, number: int) -> Entry:
@@ -95,5 +98,8 @@ def _pdo(base: int, number: int, timer: str, meaning: str) -> PdoEntries:
         _entry(at, 2, "U8", "transmission type", "", kind),
         _entry(at, 3, "U16", "inhibit time", "100 us", "minimum time between two frames"),
         _entry(at, 5, "U16", timer, "ms", meaning),
+        _entry(
+            at, 6, "U8", "SYNC start value", "", "counter of the first SYNC that counts; 0: any"
+        ),
         _entry(at + 0x200, 0, "U8", "mapped objects", "", "0 while the mapping is changed"),
     )

@@ -182,6 +182,11 @@ class RemoteDrive:
         client.responses = self._responses = Responses(net)
         self._longest_ns = round(_LONGEST * timeout_s * 1e9)
 
+    @property
+    def clock(self) -> Clock:
+        """The clock of the bus."""
+        return self._net.clock
+
     def nmt(self, command: int) -> None:
         """Send an NMT command to this node (CiA 301, 7.2.8.3.1)."""
         self._net.send_message(0, bytes((command, self.node_id)))

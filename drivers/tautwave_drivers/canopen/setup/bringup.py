@@ -20,7 +20,7 @@ from tautwave_drivers.canopen.files.belonging import (
 from tautwave_drivers.canopen.files.choosing import choose
 from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
-from tautwave_drivers.canopen.mapping import RPDO_2, Layout
+from tautwave_drivers.canopen.mapping import RPDO_1, RPDO_2, TPDO_1, Layout
 from tautwave_drivers.canopen.options import CanopenOptions, files_of
 from tautwave_drivers.canopen.setup.meaning import ZEROED, check_meaning
 from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
@@ -106,7 +106,7 @@ def prepare(
     notes += torque_off(drive, clock, bus)
     notes += _dcf(drive, axis)
     notes += check_meaning(drive, axis)
-    notes += check_sync(drive, options)
+    notes += check_sync(drive)
     notes += set_period(drive, bus)
     notes += limit_torque(drive, axis)
     notes += set_watchdogs(drive, axis, options, allow_unwatched=bus.allow_unwatched)
@@ -163,13 +163,24 @@ def _dcf(drive: RemoteDrive, axis: Axis) -> list[str]:
 
 def _map(drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec) -> list[str]:
     """Map the cyclic PDOs, and that of a move if there is one; all others are switched off."""
-    notes = [silence_others(drive)]
+    used = {SYNC_ID, *(kind + one.device_id for one in bus.axes for kind in (TPDO_1, RPDO_1))}
+    if axis.node.move is not None:
+        used.add(RPDO_2 + axis.node.id)
+    named = (
+        () if axis.node.eds is None else {at for at, _ in read_device_file(axis.node.eds).objects}
+    )
+    notes = silence_others(drive, used, named)
     kind = SYNCHRONOUS if options.sync else ON_EVENT
     pdo = c.tpdo(1)
-    notes.append(map_pdo(drive, pdo, "TPDO1", axis.tpdo_id, kind, axis.mapping.tpdo))
+    timing = {pdo.inhibit_time: 0, pdo.timer: 0, pdo.sync_start: 0}
     if not options.sync:
-        remedy = "without SYNC a drive has to send by its event timer: use sync: true"
-        notes.append(require(drive, pdo.timer, bus.period_ns // 1_000_000, remedy).text)
+        timing[pdo.timer] = bus.period_ns // 1_000_000
+        if drive.find(pdo.timer) is None:
+            raise DeviceFault(
+                f"{drive.name} has no {pdo.timer.address}: without SYNC a drive has to send by its "
+                "event timer; use sync: true"
+            )
+    notes.append(map_pdo(drive, pdo, "TPDO1", axis.tpdo_id, kind, axis.mapping.tpdo, timing))
     kind = SYNCHRONOUS if options.rpdo == "sync" else ON_EVENT
     notes.append(map_pdo(drive, c.rpdo(1), "RPDO1", axis.rpdo_id, kind, axis.mapping.rpdo))
     move = axis.node.move

@@ -6,9 +6,12 @@ to 0, its entries, the count, then make it valid.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterator, Mapping
+
 from tautwave.errors import DeviceFault
 from tautwave_drivers.canopen.bus.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.mapping import Layout
+from tautwave_drivers.canopen.setup.settings import require
 from tautwave_drivers.cia402.communication import (
     COB_ID_INVALID,
     COB_ID_NO_RTR,
@@ -19,14 +22,24 @@ from tautwave_drivers.cia402.communication import (
 from tautwave_drivers.cia402.entry import Entry
 
 _ID_BITS = 0x7FF
-OTHERS = (2, 3, 4)
+MOST_PDOS, PDOS_OF_AN_AXIS = 512, 64
+"""PDOs in each direction, and of each axis of a drive with several (CiA 402-1)."""
+PROBING_NS = 2_000_000_000
 _TYPES = {1: "on every SYNC", 255: "on event"}
 
 
 def map_pdo(
-    drive: RemoteDrive, pdo: PdoEntries, what: str, cob_id: int, kind: int, layout: Layout
+    drive: RemoteDrive,
+    pdo: PdoEntries,
+    what: str,
+    cob_id: int,
+    kind: int,
+    layout: Layout,
+    timing: Mapping[Entry, int] | None = None,
 ) -> str:
     """Write one PDO, read it back, and return the note about it.
+
+    `timing` are times of the PDO, where the drive has them: they too change only while it is off.
 
     Raises
     ------
@@ -40,6 +53,10 @@ def map_pdo(
     for number, entry in enumerate(layout.entries, 1):
         drive.write(pdo.mapped(number), entry.mapping)
     drive.write(pdo.mapped_count, len(layout.entries))
+    for entry, value in (timing or {}).items():
+        require(
+            drive, entry, value, "the drive would not send in every cycle; set it with its tool"
+        )
     drive.write(pdo.cob_id, keep | cob_id)
     _compare(drive, pdo.cob_id, cob_id, mask=COB_ID_INVALID | _ID_BITS)
     _compare(drive, pdo.transmission, kind)
@@ -61,21 +78,71 @@ def _compare(drive: RemoteDrive, entry: Entry, wanted: int, mask: int = -1) -> N
         )
 
 
-def silence_others(drive: RemoteDrive) -> str:
-    """Switch off PDOs 2 to 4, so that nothing else writes a target or loads the bus."""
-    off = []
-    for name, make in (("RPDO", rpdo), ("TPDO", tpdo)):
-        for number in OTHERS:
+def silence_others(drive: RemoteDrive, used: Collection[int], named: Collection[int]) -> list[str]:
+    """Switch off every PDO but the first ones: nothing else writes a target or loads the bus.
+
+    Parameters
+    ----------
+    drive : RemoteDrive
+        The drive.
+    used : collection of int
+        COB-IDs that have a use on this bus.
+    named : collection of int
+        Indices that the drive's EDS has.
+
+    Raises
+    ------
+    DeviceFault
+        One stays on with a COB-ID that has another use.
+    """
+    off: list[str] = []
+    notes = []
+    end = drive.clock.now_ns() + PROBING_NS
+    for name, base, make in (("RPDO", 0x1400, rpdo), ("TPDO", 0x1800, tpdo)):
+        listed = {index - base + 1 for index in named if 0 < index - base < MOST_PDOS}
+        for number, found in _valid_pdos(drive, make, listed, end):
             entry = make(number).cob_id
-            found = drive.find(entry)
-            if found is None:
-                break
-            if found & COB_ID_INVALID:
-                continue
             try:
                 drive.write(entry, found | COB_ID_INVALID)
             except AbortError as err:
-                return f"{drive.name}: {name}{number} stays on: {err}"
+                if found & _ID_BITS in used:
+                    raise DeviceFault(
+                        f"{drive.name}: {entry.address} {name}{number} has the COB-ID "
+                        f"0x{found & _ID_BITS:X}, which has another use on this bus, and cannot "
+                        f"be switched off: {err}"
+                    ) from err
+                notes.append(f"{drive.name}: {name}{number} stays on: {err}")
+                continue
             _compare(drive, entry, COB_ID_INVALID, mask=COB_ID_INVALID)
             off.append(f"{name}{number}")
-    return f"{drive.name}: switched off {', '.join(off)}" if off else ""
+            drive.changed.append(entry.address)
+    if drive.clock.now_ns() > end:
+        notes.append(
+            f"{drive.name} took {PROBING_NS * 1e-9:g} s to list its PDOs: not all were looked at"
+        )
+    return [*notes, f"{drive.name}: switched off {', '.join(off)}"] if off else notes
+
+
+def _valid_pdos(
+    drive: RemoteDrive, make: Callable[[int], PdoEntries], listed: set[int], end_ns: int
+) -> Iterator[tuple[int, int]]:
+    """Yield number and COB-ID of the PDOs that are on, but for the first.
+
+    Upwards until one does not exist, of each axis that a drive may have, and those of its EDS.
+    """
+    ahead = sorted(listed, reverse=True)
+    for block in range(1, MOST_PDOS, PDOS_OF_AN_AXIS):
+        number = block
+        while number < block + PDOS_OF_AN_AXIS and drive.clock.now_ns() < end_ns:
+            found = drive.find(make(number).cob_id)
+            listed.discard(number)
+            if found is None:
+                break
+            if number > 1 and not found & COB_ID_INVALID:
+                yield number, found
+            number += 1
+    while ahead and drive.clock.now_ns() < end_ns:
+        number = ahead.pop()
+        found = drive.find(make(number).cob_id) if number in listed else None
+        if found is not None and number > 1 and not found & COB_ID_INVALID:
+            yield number, found

@@ -18,7 +18,7 @@ from tautwave_drivers.cia402.modes import Mode, mode_name, supported_text, suppo
 from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_text
 
 CIA_402 = 0x0192
-_SYNC_PRODUCER = 1 << 30
+_PRODUCER = 1 << 30
 
 
 class Outcome(NamedTuple):
@@ -216,12 +216,25 @@ def set_period(drive: RemoteDrive, bus: BusSpec) -> list[str]:
     return notes
 
 
-def check_sync(drive: RemoteDrive, options: CanopenOptions) -> list[str]:
-    """Make sure that SYNC is 80h and that this drive does not produce it."""
+def check_sync(drive: RemoteDrive) -> list[str]:
+    """Make sure that SYNC is 80h without a counter, and that this drive sends neither it nor TIME.
+
+    Raises
+    ------
+    DeviceFault
+        The drive keeps something else.
+    """
+    notes = []
     found = drive.find(c.SYNC_COB_ID)
-    if found is None or found & (_SYNC_PRODUCER | 0x7FF) == 0x80:
-        return []
-    return [require(drive, c.SYNC_COB_ID, 0x80, "two masters would send SYNC").text]
+    if found is not None and found & (_PRODUCER | 0x7FF) != 0x80:
+        notes.append(require(drive, c.SYNC_COB_ID, 0x80, "two masters would send SYNC").text)
+    if drive.find(c.SYNC_COUNTER):
+        remedy = "it would wait for a counter that this master's SYNC has not; set it to 0"
+        notes.append(require(drive, c.SYNC_COUNTER, 0, remedy).text)
+    time = drive.find(c.TIME_COB_ID)
+    if time is not None and time & _PRODUCER:
+        notes.append(settle(drive, c.TIME_COB_ID, time & ~_PRODUCER).text)
+    return notes
 
 
 def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
