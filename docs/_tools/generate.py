@@ -7,16 +7,18 @@ from pathlib import Path
 from _tools.columns import columns_page
 from _tools.commands import commands_page, exit_codes_page
 from _tools.keys import keys_page
+from _tools.stops import stops_page
 
 
 def write_pages(folder: Path) -> None:
-    """Write keys, commands, columns and exit codes as Markdown into `folder`."""
+    """Write keys, commands, columns, exit codes and stops as Markdown into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     pages = {
         "keys.md": keys_page,
         "commands.md": commands_page,
         "columns.md": columns_page,
         "exit-codes.md": exit_codes_page,
+        "stops.md": stops_page,
     }
     for name, page in pages.items():
         path, text = folder / name, page()

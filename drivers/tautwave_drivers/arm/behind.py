@@ -35,7 +35,6 @@ class JointsBehind(DriverWrapper):
         own = plugin.options.model_validate(options.bus.options)
         super().__init__(plugin.make(own, joints, clock, transport))
         self._which = coordinates(bus)
-        self._axes = [axis.name for axis in bus.axes]
         self._joints = joints.axes
         self._task = options.task()
         self._period = 1.0 / bus.rate_hz
@@ -48,6 +47,8 @@ class JointsBehind(DriverWrapper):
         self._jacobian = [0.0] * (COORDINATES * count)
         self._since = SlotCount(bus.period_ns)
         self._faults: list[Fault] = []
+        self._dead: set[str] = set()
+        """Joints in fault: the tip gets nothing, for the others alone are no tip."""
         self._sent = [0.0] * count
 
     @property
@@ -61,13 +62,16 @@ class JointsBehind(DriverWrapper):
     def open(self) -> None:
         """Open the joints' bus, at the start or for a reset: forget what was known and sent."""
         self._known = self._beyond = False
+        self._dead.clear()
         self._stride = [0.0] * self._count
         super().open()
 
     def faults(self) -> Sequence[Fault]:
         """Return the joints' faults since the last call, and what a joint did beyond its limits."""
         found, self._faults = self._faults, []
-        return [*self._driver.faults(), *found]
+        own = self._driver.faults()
+        self._dead.update(fault.axis for fault in own if fault.fatal and fault.axis)
+        return [*own, *found]
 
     def _sampled(self, deadline_ns: int) -> tuple[Sequence[JointState], int]:
         """Return the joints' samples, and how many slots passed since they were last read."""
@@ -103,4 +107,4 @@ class JointsBehind(DriverWrapper):
         """End the run, once."""
         if not self._beyond:
             self._beyond = True
-            self._faults.append(Fault(self._axes[0], sentence, fatal=True))
+            self._faults.append(Fault("", sentence, fatal=True))

@@ -118,8 +118,9 @@ class ArmDriver(JointsBehind):
             self._rest()
             return
         forces = [0.0] * COORDINATES
-        for k, command in zip(self._which, commands, strict=True):
-            forces[k] = command.effort
+        if not self._dead:
+            for k, command in zip(self._which, commands, strict=True):
+                forces[k] = command.effort
         count, ahead = self._count, self._ahead
         soon = [at + ahead * step for at, step in zip(self._q, self._stride, strict=True)]
         jacobian = [0.0] * (COORDINATES * count)
@@ -127,15 +128,24 @@ class ArmDriver(JointsBehind):
         mapped = [0.0] * count
         joint_efforts(jacobian, forces, mapped)
         held, _ = self._weight(soon)
+        if self._dead:
+            held = [
+                0.0 if joint.name in self._dead else own
+                for joint, own in zip(self._joints, held, strict=True)
+            ]
         beside = list(held)
         tip = [at + home for at, home in zip(place, self._origin, strict=False)]
         for wall in self._walls:
-            for j, effort in enumerate(wall.push(tip, jacobian, self._stride)):
+            pushed = wall.push(tip, jacobian, self._stride, dead=bool(self._dead))
+            for j, effort in enumerate(pushed):
                 beside[j] += effort
         self._held.set(held)
         self._sent = self._within(mapped, beside)
         # What the controller believes enters with the other sign: `work` is then the difference.
-        self._tip.set([*(-force for force in forces), *mapped])
+        believed = [0.0] * COORDINATES
+        for k, command in zip(self._which, commands, strict=True):
+            believed[k] = -command.effort
+        self._tip.set([*believed, *mapped])
         self._driver.write([AxisCommand(effort, 0.0) for effort in self._sent])
 
     def _within(self, mapped: list[float], beside: list[float]) -> list[float]:

@@ -130,7 +130,8 @@ class FollowingArm(JointsBehind):
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Lead the joints so that the coordinates go as commanded, as far as they may."""
-        if not self._known or all(command is SAFE_COMMAND for command in commands):
+        safe = all(command is SAFE_COMMAND for command in commands)
+        if not self._known or self._dead or safe:
             self._sent = [0.0] * self._count
             self._file(0.0)
             self._driver.write([SAFE_COMMAND] * self._count)

@@ -111,9 +111,18 @@ class TipWall:
         self._account += taken
 
     def push(
-        self, place: Sequence[float], jacobian: Sequence[float], stride: Sequence[float]
+        self,
+        place: Sequence[float],
+        jacobian: Sequence[float],
+        stride: Sequence[float],
+        *,
+        dead: bool = False,
     ) -> list[float]:
-        """Return the joints' efforts for a tip at `place` that moves by `stride`."""
+        """Return the joints' efforts for a tip at `place` that moves by `stride`.
+
+        None after a gap, for what acts since the last sample is not in the account yet, and none
+        where a joint is `dead`.
+        """
         x, y, z = place
         if self._proxy is None:
             self._proxy = (x, y, z)
@@ -128,7 +137,7 @@ class TipWall:
                 self._account = min(self._account, 0.0)  # what it owes, the next contact pays
             self.effort.set(efforts)
             return efforts
-        if self.effort.slots:  # no sample: what acts since the last one is not in the account yet
+        if self.effort.slots or dead:
             self.effort.set(efforts)
             return efforts
         speed = [0.0, 0.0, 0.0]

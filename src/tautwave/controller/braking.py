@@ -20,33 +20,41 @@ def stop_coupled(s: AxisState, p: AxisParams, ceiling: float, steps: Steps) -> N
 def brake_axis(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> None:
     """Send a resisting effort in place of coupling and wall; an admittance axis stands.
 
-    The rate limit counts every slot since the last command: a host that stalls during the ramp
-    holds an effort longer, but the ramp ends when it would have ended. A device in fault gets
-    nothing.
+    A device in fault gets nothing.
     """
     s.stopping = True
     s.limited = STOPPED
     total = 0.0
     s.command = 0.0
     if p.impedance and not s.dead:
-        slots = s.count
-        if s.valid:
-            slots = s.waited
-        last = s.total
-        total = limit_effort(p.site.limit, effort, last, ceiling)
-        slots = slots - s.ramped - 1
-        while slots > 0 and total != last:
-            last = total
-            total = limit_effort(p.site.limit, effort, last, ceiling)
-            slots = slots - 1
-        s.ramped = 0
-        if not s.valid:
-            s.ramped = s.count
+        total = ramp_effort(s, p, effort, ceiling)
         s.command = -total
     s.total = total
     s.port_effort = total
     s.wall_effort = 0.0
     s.inertia.effort = 0.0
+
+
+def ramp_effort(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> float:
+    """Return how far the last effort may go towards another one [N m or N].
+
+    The rate limit counts every slot since the last command: a host that stalls during the ramp
+    holds an effort longer, but the ramp ends when it would have ended.
+    """
+    slots = s.count
+    if s.valid:
+        slots = s.waited
+    last = s.total
+    total = limit_effort(p.site.limit, effort, last, ceiling)
+    slots = slots - s.ramped - 1
+    while slots > 0 and total != last:
+        last = total
+        total = limit_effort(p.site.limit, effort, last, ceiling)
+        slots = slots - 1
+    s.ramped = 0
+    if not s.valid:
+        s.ramped = s.count
+    return total
 
 
 def miss_axis(s: AxisState, p: AxisParams, ceiling: float) -> int:

@@ -156,12 +156,22 @@ class Control(ABC):
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop on the fault of a device (-1: a bus); return whether that is the first reason."""
-        if which >= 0:
-            self.dead.add(which)
-            self.axes[which].dead = True
+        self.bury(which)
         first = begin_stop(self.run, self.state, self.axes, slot, FAULT, which, 0)
         self._complaint = sentence if first else self._complaint
         return first
+
+    def bury(self, which: int) -> None:
+        """Send an axis nothing any more: its device is in fault (-1: that of a whole bus, none)."""
+        if which >= 0:
+            self.dead.add(which)
+            self.axes[which].dead = True
+
+    def revive(self) -> None:
+        """Take all devices for sound: they were reset."""
+        self.dead.clear()
+        for s in self.axes:
+            s.dead = False
 
     def devices_are(self, slot: int, refusal: str) -> None:
         """Take note of devices that were reset: all are enabled again, or why not."""

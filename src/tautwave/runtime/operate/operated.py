@@ -155,7 +155,7 @@ class OperatedControl(CoupledControl):
                 else:
                     braked = state != st.ALIGNING or which == q.slave
                     effort = self.holds.effort(which, slot, s, p, valid=valid, braked=braked)
-                send_resting(s, p, effort, share * p.ceiling)
+                send_resting(s, p, effort, share * p.ceiling, pushes=pull is not None)
         while self.holds.news:
             self._event(st.FAULT, spent_sentence(self.names[self.holds.news.pop()].name))
 
@@ -326,8 +326,7 @@ class OperatedControl(CoupledControl):
             return super().fault(slot, which, sentence)
         self._now = slot
         self._suspect = True
-        if which >= 0:
-            self.dead.add(which)
+        self.bury(which)
         self._event(st.FAULT, sentence)
         return False
 
@@ -348,7 +347,7 @@ class OperatedControl(CoupledControl):
         self._bank()
         self._clear_energies()
         self._suspect = False
-        self.dead.clear()
+        self.revive()
         self._seated = [False] * len(self._seated)
         drop_commands(self)
         self.standing = st.Standing()

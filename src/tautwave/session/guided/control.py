@@ -131,7 +131,8 @@ class GuidedControl(Control):
                 self.over = True
                 self.stop_after(slot)
         for which, (s, p) in enumerate(zip(self.axes, self.params, strict=True)):
-            send_resting(s, p, -self._push[which] if going and s.valid else 0.0, p.ceiling)
+            effort = -self._push[which] if going and s.valid else 0.0
+            send_resting(s, p, effort, p.ceiling, pushes=True)
         return True
 
     def fill(self, row: Row, at: int) -> None:

@@ -337,8 +337,7 @@ class OperatedSite(SiteControl):
             return super().fault(slot, which, sentence)
         self._slot = slot
         self._suspect = True
-        if which >= 0:
-            self.dead.add(which)
+        self.bury(which)
         self._event(st.FAULT, sentence)
         return False
 
@@ -355,7 +354,7 @@ class OperatedSite(SiteControl):
             self._event(st.FAULT, f"the devices have not recovered: {refusal}")
             return
         self._suspect = False
-        self.dead.clear()
+        self.revive()
         self._count_anew()
         self._meeting.rest.unseat()
         drop_commands(self)

@@ -187,7 +187,8 @@ class Rest:
                 effort = pull.effort(s) if valid else 0.0
             else:
                 effort = self.holds.effort(i, slot, s, p, valid=valid)
-            send_resting(s, p, effort, share * control.params[i].ceiling)
+            ceiling = share * control.params[i].ceiling
+            send_resting(s, p, effort, ceiling, pushes=pull is not None)
 
     def end(self) -> None:
         """Rest no more; what the motors took is kept."""

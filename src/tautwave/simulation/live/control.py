@@ -176,9 +176,7 @@ class CompiledControl(Control):
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop in this cycle since a device said so; return whether no reason is known yet."""
-        if which >= 0:
-            self.dead.add(which)
-            self.axes[which].dead = True
+        self.bury(which)
         if self._results[self._kind] != FINISHED or self._fault >= 0:
             return False
         self._fault = self._last

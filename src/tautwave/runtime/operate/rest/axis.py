@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tautwave.controller.axis import pass_slot, start_axis, take_sample
+from tautwave.controller.braking import ramp_effort
 from tautwave.controller.records import AxisParams, AxisState, Sample
 from tautwave.controller.steps import ALONE
 from tautwave.laws.limit import limit_effort
@@ -31,12 +32,21 @@ def sense_resting(
     return True
 
 
-def send_resting(s: AxisState, p: AxisParams, effort: float, ceiling: float) -> None:
-    """Send a resisting effort within limits; an axis that takes velocity stands."""
+def send_resting(
+    s: AxisState, p: AxisParams, effort: float, ceiling: float, *, pushes: bool = False
+) -> None:
+    """Send a resisting effort within limits; an axis that takes velocity, or is dead, gets 0.
+
+    The rate limit counts the slots that a stalled host skipped, as in a stop, unless it `pushes`.
+    """
     total = 0.0
     s.command = 0.0
-    if p.impedance:
-        total = limit_effort(p.site.limit, effort, s.total, ceiling)
+    if p.impedance and not s.dead:
+        if pushes and effort != 0.0:
+            total = limit_effort(p.site.limit, effort, s.total, ceiling)
+            s.ramped = 0 if s.valid else s.count
+        else:
+            total = ramp_effort(s, p, effort, ceiling)
         s.command = -total
     s.asked = effort
     s.limited = 0

@@ -1,0 +1,323 @@
+"""What every kind of axis is sent after its last good sample: each case of the table, run."""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.config import Rig
+from tautwave.errors import ConfigError, DriverError
+from tautwave.rig import build_rig
+from tautwave.simulation import simulate
+from tests.rigs.running import rig_of, tree
+from tests.runtime import stopping
+from tests.runtime.stopping import LATE, LIMIT, OVERRUN, Done, bench_tree, fail, rig_for, wrong
+from tests.session.sites import Pair
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
+try:
+    from _tools import stops
+finally:
+    sys.path.pop(0)
+
+Group = tuple[str, str, bool, str, str]
+GROUPS: dict[Group, list[str]] = defaultdict(list)
+for cell in stops.cells():
+    if not stops.reason(cell):
+        group = (cell.kind, cell.law, cell.account, cell.place, cell.engine)
+        GROUPS[group].append(cell.failure)
+FEW = [
+    ("effort", "position", False, "plain", "python", "silent"),
+    ("effort", "pd_damping", True, "plain", "python", "stall"),
+    ("effort", "position_force measured", False, "plain", "python", stops.FED),
+    ("effort", "wave", False, "operated", "python", "late"),
+    ("effort", "four_channel", True, "link", "python", "position"),
+    ("effort", "mediated", False, "plain", "python", "fault"),
+    ("velocity", "wave", False, "plain", "python", "silent"),
+    ("follower", "wave", False, "plain", "python", "silent"),
+    ("scene", stops.ALONE, False, "plain", "python", "late"),
+    ("excited", stops.ALONE, False, "plain", "python", "late"),
+]
+"""Of every kind but the slow tips one, in the default run."""
+
+
+def named(values: Sequence[Any]) -> str:
+    kind, law, account, *rest = values
+    return ", ".join((kind, f"{law} in an account" if account else law, *rest))
+
+
+def rig_in(kind: str, law: str, account: bool, place: str, engine: str) -> Rig:
+    return rig_for(kind, law, account=account, place=place, engine=engine)
+
+
+def failing_axes(rig: Rig, kind: str, law: str, failure: str) -> list[str]:
+    """Return the axes of which the failure is tried: of those that take effort, both sides."""
+    name = next(iter(rig.master.axes))
+    if kind == "scene":
+        return [f"master.{name}"]
+    sides = ["master", "slave"] if kind in ("effort", "excited") else ["slave"]
+    if failure == stops.FED:
+        sides = stops.LAWS[law].split(", ")
+    return [f"{side}.{name}" for side in sides]
+
+
+def check(done: Done, kind: str, failure: str, axis: str, place: str, silent: str) -> None:
+    """Hold every cycle after the last good sample against the table.
+
+    The `silent` axis need not push: that of a law which renders what it has not found yet.
+    """
+    rig, rows = done.rig, done.rows
+    sent = stops.TABLE[kind][failure]
+    first = int(np.searchsorted(rows["time_s"], done.slot * rig.period_s - 1e-9))
+    if sent.rule == stops.LEAVE:
+        assert isinstance(done.error, DriverError)
+        assert first == len(rows["time_s"])
+        for written in done.written.values():
+            last = written[max(written)]
+            assert (last.effort, last.velocity) == (0.0, 0.0)
+        return
+    assert abs(rows[f"{axis}.commanded"][first - 1]) > 0.05 or axis == silent, "it did not push"
+    holds = place == "operated"
+    if sent.begins and not holds:
+        assert done.error is not None
+    elif not sent.begins:
+        assert done.error is None
+    begins = {stops.LIMIT: LIMIT, stops.AT_ONCE: 0, stops.NEVER: None}[sent.begins]
+    bus = rig.axes[axis].bus
+    of_bus = [name for name in rig.axes if rig.axes[name].bus == bus]
+    rule = sent.rule
+    if failure == "fault" and "tip" in kind:  # its joints get nothing of it
+        for joint in done.joints.values():
+            got = [c for slot, c in joint.items() if slot >= done.slot]
+            assert got
+            assert all((c.effort, c.velocity) == (0.0, 0.0) for c in got)
+        rule = stops.DAMP
+    found = []
+    for name in of_bus:
+        found += [
+            f"{name}, {it}" for it in wrong(rig, rows, name, first, rule, begins, holds=holds)
+        ]
+    stops_at = None
+    if begins is not None:
+        since = np.cumsum(1 + rows["skipped_slots"][first:])
+        at = first + int(np.argmax(since >= begins))
+        # Skipped slots are found by the axis itself, and the others hear of it a cycle later.
+        stops_at = (at, failure == "late")
+    for name in set(rig.axes) - set(of_bus):
+        found += [
+            f"{name}, {it}"
+            for it in wrong(rig, rows, name, first, sent.others, None, stops_at, holds=holds)
+        ]
+    assert not found, "\n".join(found[:5])
+    for name, written in done.written.items():
+        takes = rig.axes[name].causality == "impedance"
+        for k in range(first, len(rows["time_s"])):
+            command = written[round(rows["time_s"][k] * rig.rate_hz)]
+            value = command.effort if takes else command.velocity
+            assert value == rows[f"{name}.commanded"][k] or (
+                last_of(written, command) and not value
+            )
+
+
+def last_of(written: dict[int, Any] | Any, command: Any) -> bool:
+    """Whether it is the last command: what a loop leaves with is in the same slot."""
+    return bool(command is written[max(written)])
+
+
+def try_all(group: Group, failures: Sequence[str]) -> None:
+    kind, law, _, place, engine = group
+    if engine == "simulate":
+        simulated(rig_in(*group[:4], "python"))
+        return
+    for failure in failures:
+        rig = rig_in(*group)
+        for axis in failing_axes(rig, kind, law, failure):
+            done = fail(rig, failure, axis, excited=kind == "excited")
+            try:
+                silent = axis if law.startswith("mediated") and axis.startswith("master") else ""
+                check(done, kind, failure, axis, place, silent)
+            except AssertionError as err:
+                raise AssertionError(f"{failure} of {axis}: {err}") from err
+
+
+@pytest.mark.parametrize("values", FEW, ids=named)
+def test_an_axis_is_sent_what_the_table_says(values: tuple[Any, ...]) -> None:
+    *group, failure = values
+    try_all(tuple(group), [failure])
+
+
+def refusal(data: Any) -> str:
+    """Return the sentence by which a rig is refused."""
+    with pytest.raises(ConfigError) as refused:
+        build_rig(rig_of(data), clock="fake")
+    return str(refused.value)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    for law in ("position", "pd_damping", "position_force", "four_channel", "mediated"):
+        data = bench_tree("velocity", law, account=False)
+        assert "impedance" in refusal(data), law
+    assert "keeps its own accounts" in refusal(bench_tree("effort", "wave", account=True))
+    operated = tree({"operate": {}, "loop.engine": "compiled"})
+    assert "an operated rig runs in plain Python" in refusal(operated)
+    tip = stopping.tip_tree("tip", "position", account=False)
+    tip["slave"]["axes"]["x"]["effort_sensor"] = {}
+    assert "effort_sensor" in refusal(tip)
+
+
+def test_every_failure_is_in_the_table_or_cannot_be() -> None:
+    """Every kind, law, place and engine is run under some failure, and every failure somewhere."""
+    there = [cell for cell in stops.cells() if not stops.reason(cell)]
+    for field, known in (
+        ("kind", stops.KINDS), ("law", [*stops.LAWS, stops.ALONE]), ("place", stops.PLACES),
+        ("engine", stops.ENGINES), ("failure", [*stops.FAILURES, stops.FED]),
+    ):  # fmt: skip
+        assert {getattr(cell, field) for cell in there} == set(known)
+    assert {cell.kind for cell in there if cell.failure == "effort"} == set(stops.KINDS)
+
+
+def in_python(group: Group) -> Any:
+    """Return it as a parameter; tips and operated rigs take long."""
+    slow = "tip" in group[0] or group[3] == "operated"
+    marks = [pytest.mark.slow, pytest.mark.long] if slow else [pytest.mark.slow]
+    return pytest.param(group, marks=marks, id=named(group))
+
+
+@pytest.mark.parametrize(
+    "group", [in_python(it) for it in GROUPS if it[3] != "sites" and it[4] == "python"]
+)
+def test_every_case_in_plain_python(group: Group) -> None:
+    try_all(group, GROUPS[group])
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("group", [it for it in GROUPS if it[4] != "python"], ids=named)
+def test_every_case_compiled(group: Group) -> None:
+    pytest.importorskip("numba")
+    try_all(group, GROUPS[group])
+
+
+def simulated(rig: Rig) -> None:
+    """Lose samples and skip slots at random until an axis stops; check every row of both."""
+    assert rig.simulation is not None
+    faults = rig.simulation.faults.model_copy(
+        update={"missing_probability": 0.25, "overrun_probability": 0.04, "overrun_slots": 1}
+    )
+    stopped = 0
+    for seed in range(16):
+        given = rig.simulation.model_copy(update={"faults": faults})
+        done = simulate(rig.model_copy(update={"seed": seed, "simulation": given}))
+        rows = {name: done[name] for name in done.columns}
+        alone = [lone(rows, name) for name in rig.axes]
+        stop = min(alone)
+        if stop < PUSHING or done.error is None:
+            continue
+        stopped += 1
+        in_a_row = max(misses(rows, name, stop) for name in rig.axes)
+        found = []
+        for name, own in zip(rig.axes, alone, strict=True):
+            sent = stops.TABLE["effort"]["silent"]
+            begins = LIMIT if own == stop else None
+            at = None if own == stop else (stop, in_a_row < LIMIT)
+            found += [f"{name}, {it}" for it in
+                      wrong(rig, rows, name, PUSHING, sent.others, begins, at)]  # fmt: skip
+        assert not found, f"seed {seed}: " + "\n".join(found[:5])
+    assert stopped >= 2
+
+
+PUSHING = 120
+"""Row from which both sides push."""
+
+
+def lone(rows: dict[str, Any], name: str) -> int:
+    """Return the row in which an axis has had no sample for too many slots."""
+    unseen = 0
+    for k, (valid, skipped) in enumerate(
+        zip(rows[f"{name}.valid"], rows["skipped_slots"], strict=True)
+    ):
+        unseen = 0 if valid > 0.5 else unseen + 1 + int(skipped)
+        if unseen >= LIMIT:
+            return k
+    return len(rows["time_s"])
+
+
+def misses(rows: dict[str, Any], name: str, row: int) -> int:
+    """Return how many rows in a row, up to this one, an axis has had no sample."""
+    count = 0
+    while row >= count and not rows[f"{name}.valid"][row - count] > 0.5:
+        count += 1
+    return count
+
+
+GAINS = "stiffness: 8.0, damping: 0.05"
+LEVER = {
+    "wave": "wave_impedance: 0.05, wave_filter_hz: 100",
+    "pd_damping": f"{GAINS}, injection: 0.05",
+    "position_force": f"{GAINS}, master_damping: 0.05",
+    "mediated": f"{GAINS}, touch: 0.02, stiffest: 20",
+}
+ENGAGED = 450
+"""Slot by which both sites push."""
+
+
+def at_sites(law: str, account: bool, failure: str, side: str) -> Done:
+    """Run two sites; the device of one fails in slot `ENGAGED`."""
+    name, _, measured = law.partition(" ")
+    keys = LEVER.get(name, GAINS) + (", effort: measured" if measured else "")
+    books = "account: {}, " if account else ""
+    two = Pair(
+        f"coupling={{law: {name}, {books}release_ramp_s: 0.05, pairs: {{lever: {{{keys}}}}}}}",
+        f"loop={{missing_limit: {LIMIT}, overrun_limit: {OVERRUN}}}",
+        "master.axes.lever.effort_rate_limit=30", "slave.axes.lever.effort_rate_limit=30",
+        *(f"{it}.axes.lever.effort_sensor={{}}" for it in ("master", "slave") if measured),
+    )  # fmt: skip
+    try:
+        half, other = two.sites[side], two.sites["slave" if side == "master" else "master"]
+        (bus,) = half.built.buses
+        stopping.Failing(bus.driver, failure, lambda: half.slot - ENGAGED, f"{side}.lever")
+        slots, skipped = [], []
+        while half.slot < min(half.control.end, ENGAGED + 150):
+            skip = 0
+            if half.slot >= ENGAGED:
+                skip = LATE if failure == "late" else 0
+                if failure == "stall" and half.slot == ENGAGED:
+                    skip = OVERRUN
+            for _ in range(skip):
+                two.run(1, other)
+            if skip >= OVERRUN:
+                half.control.overrun(two.slot, skip)
+            two.run(1)
+            slots.append(half.slot - 1)
+            skipped.append(skip)
+        rows = {name: half[name] for name in half.control.columns}
+        rows["time_s"] = np.array(slots) * half.rig.period_s
+        rows["skipped_slots"] = np.array(skipped, float)
+        return Done(half.rig, ENGAGED, rows, {}, {}, half.control.error())
+    finally:
+        two.close()
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.parametrize("group", [it for it in GROUPS if it[3] == "sites"], ids=named)
+def test_every_case_at_two_sites(group: Group) -> None:
+    kind, law, account, *_ = group
+    for failure in GROUPS[group]:
+        sides = stops.LAWS[law].split(", ") if failure == stops.FED else ("master", "slave")
+        for side in sides:
+            done = at_sites(law, account, failure, side)
+            sent = stops.TABLE[kind][failure]
+            first = int(np.searchsorted(done.rows["time_s"], ENGAGED * done.rig.period_s - 1e-9))
+            begins = {stops.LIMIT: LIMIT, stops.AT_ONCE: 0, stops.NEVER: None}[sent.begins]
+            name = f"{side}.lever"
+            assert (done.error is None) == (begins is None)
+            found = list(wrong(done.rig, done.rows, name, first, sent.rule, begins))
+            assert not found, f"{failure} of {name}: " + "\n".join(found[:5])
