@@ -268,3 +268,22 @@ def test_derate_counts_the_steps_of_encoder_and_effort(step: float, damping: flo
     stiffer = (f"{PAIR}.wall_slave.stiffness={1.06 * rendered}", f"{PAIR}.wall_slave.derate=false")
     found = element(certified(*changes, *stiffer), "slave wall")
     assert not found.passive_quantised.passed
+
+
+def test_noise_of_the_encoder_is_stated_and_is_not_passive_when_quantised() -> None:
+    """White: (K sigma)^2 T / (2 m); of any colour 33 times that."""
+    noisy = ("slave.axes.lever.position_noise=1e-4", *NO_QUANTUM)
+    white = ("slave.axes.lever.position_noise_autocorrelation=[]",)
+    quiet = element(certified(wall(3.0), *NO_QUANTUM), "slave wall")
+    assert quiet.passive_quantised.passed
+    assert "noise_w" not in quiet.numbers
+    inertia = quiet.numbers["device"]["mass"]
+    expected = (3.0 * 1e-4) ** 2 * T / (2.0 * inertia)
+    for changes, factor in ((white, 1.0), ((), 33.0)):
+        found = element(certified(wall(3.0), *noisy, *changes), "slave wall")
+        assert found.passive.passed
+        assert not found.passive_quantised.passed
+        by_damping = (3.0 * 1e-4) ** 2 / (4.0 * found.numbers["damping_margin"])
+        assert found.numbers["noise_w"] == pytest.approx(min(expected * factor, by_damping))
+        assert f"give up to {found.numbers['noise_w']:.3g} W" in found.passive_quantised.reason
+        assert found.passive_quantised.reason in found.sentences

@@ -17,6 +17,7 @@ from tautwave.analysis.walls.messages import (
     quantum_sentence,
     stability_sentence,
 )
+from tautwave.analysis.walls.noise import wall_noise_power
 from tautwave.analysis.walls.sampled import SampledWall, wall_transfer
 from tautwave.analysis.walls.verdict import WallDevice, WallVerdict, assess_wall
 from tautwave.certificate.belief import (
@@ -28,7 +29,7 @@ from tautwave.certificate.belief import (
     delay_in_periods,
 )
 from tautwave.certificate.data import Element, Verdict
-from tautwave.config import Rig, Wall, local_wall
+from tautwave.config import Axis, Rig, Wall, local_wall
 from tautwave.rig import axis_allowance, wall_params
 from tautwave.rig.allowance.filling import at_least, wall_push, wall_steepness
 from tautwave.rig.scene.hands import stated_hand
@@ -118,6 +119,9 @@ def wall_element(
     if not passive.passed:
         sentences += adversary(rig, axis_name, wall, delays[axis_name], name)
     sentences += [quantum, stability_sentence(found, name, rotary=rotary)]
+    noise = noise_power(rig, axis_name, found)
+    if noise > 0.0:
+        sentences.append(_noise_sentence(axis, name, noise))
     claim = wall_claim(rig, axis_name, wall, delays[axis_name])
     if math.isfinite(claim):
         sentences.append(
@@ -131,7 +135,9 @@ def wall_element(
         axis_name,
         passive,
         _quantised(rig, axis_name, passive, found, quantum),
-        _numbers(found, asked) | ({"claim_j": claim} if math.isfinite(claim) else {}),
+        _numbers(found, asked)
+        | ({"claim_j": claim} if math.isfinite(claim) else {})
+        | ({"noise_w": noise} if noise > 0.0 else {}),
         tuple(sentences),
     )
 
@@ -196,10 +202,40 @@ def _push(rig: Rig, axis_name: str, wall: Wall, has: AxisAllowance) -> float:
     return min(wall_push(rig.axes[axis_name], wall), has.shared_effort)
 
 
+def noise_power(rig: Rig, axis_name: str, found: WallVerdict) -> float:
+    """Return what declared noise has a passive wall give on average [W].
+
+    0 under passivity control: its observer counts the noise as given, and softens the wall for it.
+    """
+    axis = rig.axes[axis_name]
+    if not found.passive or axis.position_noise == 0.0:
+        return 0.0
+    colour = axis.position_noise_autocorrelation
+    return wall_noise_power(
+        found.wall, found.device.mass, found.margin, axis.position_noise, colour
+    )
+
+
+def _noise_sentence(axis: Axis, name: str, noise: float) -> str:
+    unknown = axis.position_noise_autocorrelation is None
+    colour = ", of any colour," if unknown else ""
+    return (
+        f"{name}: the declared position noise{colour} has it give up to {noise:.3g} W for ever, "
+        "beyond what the device's damping takes; a softer wall gives less, with its square."
+    )
+
+
 def _quantised(
     rig: Rig, axis_name: str, passive: Verdict, found: WallVerdict, sentence: str
 ) -> Verdict:
-    if not passive.passed or found.device.quantum == 0.0:
+    if not passive.passed:
+        return passive
+    noise = noise_power(rig, axis_name, found)
+    if noise > 0.0:
+        return Verdict(
+            False, _noise_sentence(rig.axes[axis_name], wall_name(rig, axis_name), noise)
+        )
+    if found.device.quantum == 0.0:
         return passive
     margin = found.quantised_stiffness - found.wall.stiffness
     if not found.passive_quantised:

@@ -151,7 +151,12 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
             document.report(
                 (*path, "environment_stiffness_upper"), "only for admittance axes; remove it"
             )
-        if axis.compensation is not None:
+        if axis.compensation is not None and document.get(("scene",)) is not None:
+            document.report(
+                (*path, "compensation"),
+                "acts beside a coupling, and a rig with a scene has none; remove it",
+            )
+        elif axis.compensation is not None:
             _check_spending(document, (*path, "compensation"), axis, axis.compensation)
         if axis.follower is not None:
             document.report(
