@@ -13,6 +13,7 @@ from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError
 from tautwave.rig import allowances, axis_allowance, axis_params, command_delays
 from tautwave.rig.operated.brakes import brake_params
+from tautwave.session.facts import allowance_rows
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SPRING = CONFIGS / "bench-position-coupling.yaml"
@@ -131,3 +132,53 @@ def test_a_load_gets_the_friction_and_damping_that_compensation_leaves() -> None
     has = allowances(less, command_delays(less))["slave.lever"]
     assert has.loaded_damping == pytest.approx(0.5 * has.damping)
     assert found.numbers["damping_margin"] == pytest.approx(has.loaded_damping - has.load_damping)
+
+
+def test_the_table_has_alike_axes_once_and_says_who_gets_how_much() -> None:
+    rig = load_rig(SPRING, [*both("effort_rate_limit=80"), "slave.axes.lever.load.constant=0.3"])
+    rows = allowance_rows(rig, command_delays(rig))
+    assert [row[0] for row in rows if row[0]] == ["master.lever", "slave.lever"]
+    efforts = [row[2:] for row in rows if row[1] == "effort [N m]"]
+    assert efforts == [("1.1", "-", "-", "-", "1.1"), ("1.1", "0.33", "-", "-", "0.77")]
+    assert ("rate [N m/s]", "80", "40", "-", "-", "40") in [row[1:] for row in rows]
+    alike = load_rig(SPRING, both("effort_rate_limit=80"))
+    rows = allowance_rows(alike, command_delays(alike))
+    assert [row[0] for row in rows if row[0]] == ["master.lever, slave.lever"]
+
+
+def test_no_combination_of_features_spends_more_than_an_axis_has() -> None:
+    """Load, wall, compensation and brake, alone and together, in every law that takes them."""
+    features = {
+        "load": ["slave.axes.lever.load={sine: 0.3, constant: 0.1}"],
+        "wall": [
+            "coupling.pairs.lever.wall_slave={position: 0.3, stiffness: 3.0, damping: 0.0001}"
+        ],
+        "compensation": [
+            "slave.axes.lever.coulomb={value: 0.01, lower: 0.01, source: measured}",
+            "slave.axes.lever.compensation={coulomb: 0.5, viscous: 0.3, inertia: 0.2, "
+            "inertia_coulomb: 0.4}",
+        ],
+        "brake": ["operate={hold_effort_share: 1.0}"],
+        "account": ["coupling.account={}"],
+    }
+    base = [*both("velocity_limit=15"), *both("effort_rate_limit=200")]
+    for count in range(2 ** len(features)):
+        chosen = [name for at, name in enumerate(features) if count >> at & 1]
+        rig = load_rig(SPRING, base + [key for name in chosen for key in features[name]])
+        delay = command_delays(rig)["slave.lever"]
+        has = axis_allowance(rig, "slave.lever", delay)
+        site = axis_params(rig, "slave.lever", delay, 0).site
+        held = has.load_effort + has.wall_effort + has.compensation_effort + has.coupling_effort
+        assert held == pytest.approx(has.effort), chosen
+        assert has.load_effort + site.limit.effort <= has.effort * (1.0 + 1e-12), chosen
+        assert has.load_step + site.limit.effort_step <= has.effort_step * (1.0 + 1e-12), chosen
+        spent = has.load_damping + has.wall_damping + site.compensation.viscous
+        assert has.coupling_damping == pytest.approx(max(has.damping - spent, 0.0)), chosen
+        paid = site.compensation.coulomb + site.inertia.coulomb + has.load_coulomb
+        assert has.coupling_coulomb == pytest.approx(max(has.coulomb - paid, 0.0)), chosen
+        brake = brake_params(rig, "slave.lever", delay)
+        assert (brake is None) == ("brake" not in chosen or has.brake_damping == 0.0), chosen
+        if brake is not None:
+            push = brake.stiffness * brake.slip
+            assert has.load_effort + push <= has.effort * (1.0 + 1e-12), chosen
+            assert brake.device + has.load_damping <= has.damping * (1.0 + 1e-12), chosen

@@ -187,6 +187,11 @@ class AxisAllowance(NamedTuple):
         return max(self.coulomb - self.compensated_coulomb - self.paying_coulomb, 0.0)
 
     @property
+    def rest_coulomb(self) -> float:
+        """[N m or N] Sure friction where neither wall nor compensation acts, beside the load."""
+        return max(self.coulomb - self.load_coulomb, 0.0)
+
+    @property
     def coupling_coulomb(self) -> float:
         """[N m or N] Sure Coulomb friction that compensation and load leave to wall or coupling."""
         return max(self.loaded_coulomb - self.load_coulomb, 0.0)

@@ -119,7 +119,7 @@ def _halves(halves: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
 
 def check_sections(name: str, result: Any, verbose: bool = False) -> list[Section]:
     """Show a `session.CheckResult` on a screen; `verbose`: all of it. The verdict is last."""
-    from tautwave.session.facts import AXIS_HEADS, PAIR_HEADS
+    from tautwave.session.facts import ALLOWANCE_HEADS, AXIS_HEADS, PAIR_HEADS
 
     facts = [(label, str(value)) for label, value in result.facts]
     if verbose:
@@ -127,6 +127,7 @@ def check_sections(name: str, result: Any, verbose: bool = False) -> list[Sectio
             Section(name, (), ()),
             Section("Facts", ("", ""), facts),
             Section("Plan", ("element", "", "because"), list(_plan(result.plan))),
+            Section("Allowance", ALLOWANCE_HEADS, result.allowance),
             Section("Claims", CLAIM_HEADS, list(_claims(result.claims))),
             Section("Bus time", BUS_HEADS, list(_buses(result.budget, arithmetic=True))),
             *certificate_sections(result.certificate),

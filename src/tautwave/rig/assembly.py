@@ -128,7 +128,9 @@ def build_rig(
         one = calibrated(rig, LoopBus(bus_name, driver, names, bus.divisor))
         if any(axis.takes_position for axis in spec.axes):
             following = FollowingDriver(
-                one.driver, names, [follower_params(rig, name) for name in names]
+                one.driver,
+                names,
+                [follower_params(rig, name, driver.command_delay) for name in names],
             )
             sources.append(following)
             one = one._replace(driver=following)

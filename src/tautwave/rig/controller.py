@@ -180,15 +180,16 @@ def site_params(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     )
 
 
-def follower_params(rig: Rig, axis_name: str) -> FollowerParams | None:
+def follower_params(rig: Rig, axis_name: str, delay: CommandDelay) -> FollowerParams | None:
     """Return goal and spring of an axis whose device takes positions, None of others."""
     axis = rig.axes[axis_name]
     if axis.follower is None:
         return None
     low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
     stiffness = axis.follower.stiffness
-    lead = axis.effort_limit / stiffness
-    return FollowerParams(rig.axis_period_s(axis_name), stiffness, lead, low, high)
+    has = axis_allowance(rig, axis_name, delay)
+    lead = has.shared_effort / stiffness
+    return FollowerParams(has.period, stiffness, lead, low, high)
 
 
 def bare_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
@@ -207,7 +208,7 @@ def bare_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     )
 
 
-def rest_effort(rig: Rig, axis_name: str, end: Any) -> float:
+def rest_effort(rig: Rig, axis_name: str, delay: CommandDelay, end: Any) -> float:
     """Return the most that an axis' effort sensor may show before the pairs engage [N m or N].
 
     Of a coupling that is fed by it (`measures` of its end). Unknown where a load or an arm is
@@ -220,7 +221,8 @@ def rest_effort(rig: Rig, axis_name: str, end: Any) -> float:
     if sensor is None or carries or rig.sites is not None or not getattr(end, "measures", False):
         return math.inf
     doubt = (DEVIATIONS * sensor.noise + 0.5 * sensor.quantum) / sensor.scale
-    return most_at_rest(axis.coulomb.value, axis.effort_limit) + doubt
+    most = axis_allowance(rig, axis_name, delay).effort
+    return most_at_rest(axis.coulomb.value, most) + doubt
 
 
 def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> AxisParams:
@@ -248,7 +250,8 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
         end=end,
         blind=rig.loop.missing_limit if side in rig.own_sides else NEVER,
     )._replace(
-        rest_effort=rest_effort(rig, axis_name, end), fed=bool(getattr(end, "measures", False))
+        rest_effort=rest_effort(rig, axis_name, delay, end),
+        fed=bool(getattr(end, "measures", False)),
     )
 
 

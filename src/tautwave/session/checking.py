@@ -12,6 +12,7 @@ from tautwave.registry import load_driver, require_modules
 from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_delays
 from tautwave.session.facts import (
     PortClaim,
+    allowance_rows,
     axis_rows,
     claims_of,
     count_words,
@@ -30,8 +31,8 @@ class CheckResult(NamedTuple):
     """Result of a check. `certificate` is that of `tautwave.certificate`, as plain data.
 
     `pairs` and `axes` are rows of `tautwave.session.facts.PAIR_HEADS` and `AXIS_HEADS`, the short
-    form of those facts; `claims` are those of its ports; `failures` holds a sentence for each
-    reason why the rig may not run.
+    form of those facts; `claims` are those of its ports; `allowance` rows of
+    `ALLOWANCE_HEADS`; `failures` holds a sentence for each reason why the rig may not run.
     """
 
     rig: str
@@ -44,6 +45,7 @@ class CheckResult(NamedTuple):
     pairs: list[tuple[str, ...]]
     axes: list[tuple[str, ...]]
     claims: list[PortClaim]
+    allowance: list[tuple[str, ...]]
     failures: list[str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -187,6 +189,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         pair_rows(rig, delays),
         axis_rows(rig),
         _greatest([claims_of(one, delays) for one in (rig, *scales)]),
+        allowance_rows(rig, delays),
         [*too_slow, *failures],
     )
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from tautwave.allowance import AxisAllowance
 from tautwave.config import Axis, Rig, count_velocity
 from tautwave.config.inputs.chains import weighs
 from tautwave.registry import load_named
-from tautwave.rig import coupling_part, one_way_delay, pair_scale
+from tautwave.rig import allowances, coupling_part, one_way_delay, pair_scale
 from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads, joint_names
 from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
@@ -184,6 +185,54 @@ def axis_rows(rig: Rig) -> list[tuple[str, ...]]:
             )
         )
     return rows
+
+
+ALLOWANCE_HEADS = (
+    "axis", "", ">has", ">load", ">wall", ">compensation", ">coupling, for certain",
+)  # fmt: skip
+
+
+def allowance_rows(rig: Rig, delays: Mapping[str, CommandDelay]) -> list[tuple[str, ...]]:
+    """Return who gets what each axis has, as rows under `ALLOWANCE_HEADS`; alike axes once.
+
+    What is unlimited, or not there, has no row.
+    """
+    alike: dict[tuple[tuple[str, ...], ...], list[str]] = {}
+    for name, has in allowances(rig, delays).items():
+        if name in rig.own_axes and rig.axes[name].causality == "impedance":
+            rows = tuple(_allowance(has, rotary=rig.axes[name].kind == "rotary"))
+            alike.setdefault(rows, []).append(name)
+    return [
+        (", ".join(names) if at == 0 else "", *row)
+        for rows, names in alike.items()
+        for at, row in enumerate(rows)
+    ]
+
+
+def _allowance(has: AxisAllowance, *, rotary: bool) -> Iterator[tuple[str, ...]]:
+    effort, damping = ("N m", "N m s/rad") if rotary else ("N", "N s/m")
+    paid = has.compensated_coulomb + has.paying_coulomb
+    shares = {
+        f"effort [{effort}]": (
+            has.effort, has.load_effort, has.wall_effort, has.compensation_effort,
+            has.coupling_effort,
+        ),
+        f"rate [{effort}/s]": (
+            has.effort_rate, has.load_rate, has.wall_rate, has.compensation_rate, has.coupling_rate,
+        ),
+        f"damping [{damping}]": (
+            has.damping, has.load_damping, has.wall_damping, has.compensated_damping,
+            has.coupling_damping,
+        ),
+        f"Coulomb friction [{effort}]": (
+            has.coulomb, has.load_coulomb, 0.0, paid, has.coupling_coulomb,
+        ),
+    }  # fmt: skip
+    for what, (most, *spent, left) in shares.items():
+        if 0.0 < most < math.inf:
+            given = (f"{share:.4g}" if share else "-" for share in spent)
+            yield what, f"{most:.4g}", *given, f"{left:.4g}"
+    yield "unseen for [ms]", f"{1e3 * has.blind:.3g}", "", "", "", ""
 
 
 def _one_count(axis: Axis, reads: str) -> str:

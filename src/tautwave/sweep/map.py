@@ -35,6 +35,7 @@ from tautwave.config.messages import validate
 from tautwave.config.text.document import Document, nearest
 from tautwave.errors import ConfigError, WritingError
 from tautwave.files import make_directory
+from tautwave.rig import axis_allowance, command_delays
 from tautwave.sweep.file import read_sweep_file
 from tautwave.sweep.predict import true_device
 
@@ -209,7 +210,7 @@ def _start(rig: Rig, file: MapFile, plane: Plane) -> Column:
             lag,
         ),
         Device(device.mass, device.damping, device.stiffness),
-        axis.damping.lower,
+        axis_allowance(rig, file.axis, command_delays(rig)[file.axis]).free_damping,
         truth.coulomb,
         truth.encoder_quantum,
     )

@@ -23,7 +23,7 @@ from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.walls import wall_name, wall_verdict
 from tautwave.config import Rig, local_wall
 from tautwave.errors import ConfigError
-from tautwave.rig import at_axis_rate
+from tautwave.rig import at_axis_rate, axis_allowance
 from tautwave.types import CommandDelay
 
 BIAS = 0.1
@@ -96,7 +96,7 @@ def wall_cycles(rig: Rig, delays: Mapping[str, CommandDelay]) -> tuple[WallCycle
         # The wall's law includes the delay: the device gets none.
         device = Device(body.mass, body.damping)
         name, rotary = wall_name(rig, axis_name), axis.kind == "rotary"
-        bias = BIAS * axis.effort_limit
+        bias = BIAS * axis_allowance(own, axis_name, delays[axis_name]).shared_effort
         found.append(limit_cycle(name, axis_name, rotary, verdict.wall, device, bias))
     return tuple(found)
 

@@ -20,6 +20,7 @@ from tautwave.certificate.scene.contacts import (
 )
 from tautwave.certificate.scene.joint import Matrix
 from tautwave.config import Rig
+from tautwave.rig import axis_allowance
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.rig.scene.network import hold_limit
 from tautwave.scene.sampled import PortMap
@@ -59,6 +60,12 @@ class ClosedScene(NamedTuple):
     maps: Maps
     conditions: tuple[str, ...]
 
+    @property
+    def dampings(self) -> list[float]:
+        """[N m s/rad or N s/m] What each device is sure to have for the scene."""
+        both = zip(self.axes, self.delays, strict=True)
+        return [axis_allowance(self.rig, name, delay).coupling_damping for name, delay in both]
+
 
 def close_all(found: Sequence[Regime], maps: Maps) -> list[tuple[Regime, PortMap]]:
     """Return regimes with their maps."""
@@ -68,7 +75,7 @@ def close_all(found: Sequence[Regime], maps: Maps) -> list[tuple[Regime, PortMap
 def closed_element(scene: ClosedScene) -> Iterator[Element]:
     """Yield the element for the ports with contacts closed, if there are any."""
     title, rig = "contacts", scene.rig
-    damping = np.array([rig.axes[name].damping.lower for name in scene.axes])
+    damping = np.array(scene.dampings)
     late = np.array([d.periods + d.remainder_s / rig.period_s for d in scene.delays])
     worst = worst_need(scene.regimes, damping, late)
     if worst is None:
@@ -102,7 +109,7 @@ def _need(scene: ClosedScene, worst: Worst) -> str:
     what = f"{worst.regime.text} ({steepness(worst.regime, stiff)})"
     have = f"(Colgate and Schenkel; at {need.frequency:.4g} Hz), of which"
     if len(scene.axes) == 1:
-        present = scene.rig.axes[scene.axes[0]].damping.lower
+        present = scene.dampings[0]
         return (
             f"{what} the scene, sampled at {scene.rig.rate_hz:g} Hz, needs {need.alone[0]:.4g} "
             f"{damp} of the device {have} {present:.4g} is assumed"
@@ -135,12 +142,12 @@ def closed_loop(scene: ClosedScene, ports: str) -> Iterator[PairLoop]:
     hands = [stated_hand(rig, name.partition(".")[2]) for name in scene.axes]
     text = "; ".join(dict.fromkeys(hand.text for hand in hands))
     name = f"{ports}, contacts closed"
-    both = list(zip([rig.axes[name] for name in scene.axes], hands, strict=True))
+    both = list(zip([rig.axes[name] for name in scene.axes], scene.dampings, hands, strict=True))
     ends = {
         bound: (
-            np.array([getattr(axis.inertia, bound) + one.hand.mass for axis, one in both]),
-            np.array([axis.damping.lower + one.hand.damping for axis, one in both]),
-            np.array([one.hand.stiffness for _, one in both]),
+            np.array([getattr(axis.inertia, bound) + one.hand.mass for axis, _, one in both]),
+            np.array([damping + one.hand.damping for _, damping, one in both]),
+            np.array([one.hand.stiffness for *_, one in both]),
         )
         for bound in ("lower", "value")
     }

@@ -26,6 +26,7 @@ from tautwave.certificate.panels import SCENE, decades
 from tautwave.certificate.scene.maps import law_over, leak_over, needed
 from tautwave.certificate.scene.verdict import LARGE
 from tautwave.config import Rig
+from tautwave.rig import axis_allowance
 from tautwave.rig.scene.network import pruned_network, scene_of
 from tautwave.scene.sampled import linear_scene
 from tautwave.types import CommandDelay
@@ -71,7 +72,7 @@ def _port(left: Axes, right: Axes, rig: Rig, name: str, delay: CommandDelay) -> 
     angles = np.unique(np.clip(np.concatenate(theta), 1e-4, math.pi))
     hertz = angles / (2.0 * math.pi * rig.period_s)
     leak = leak_over(law, angles, late)
-    present = axis.damping.lower
+    present = axis_allowance(rig, f"master.{name}", delay).coupling_damping
     high = 1.3 * max(need.damping if math.isfinite(need.damping) else 0.0, present, 1e-9)
     low = max(-high, 1.2 * float(np.min(leak))) if np.min(leak) < 0.0 else -0.1 * high
     left.axhspan(low, present, color=WALL_SHADE, alpha=0.45, label="passive")

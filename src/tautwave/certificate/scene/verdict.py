@@ -44,6 +44,7 @@ from tautwave.certificate.scene.contacts import (
 )
 from tautwave.certificate.scene.maps import closed_part, needed, own_radius
 from tautwave.config import Rig
+from tautwave.rig import axis_allowance
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.rig.scene.network import (
     hold_limit,
@@ -108,7 +109,9 @@ def _closed(rig: Rig, delays: Mapping[str, CommandDelay]) -> ClosedScene:
     scales = [scene_of(rig).ports[name].position_scale for name in network.ports]
     press = Press(
         {
-            name: rig.axes[axis].effort_limit / abs(scale) if scale else 0.0
+            name: axis_allowance(rig, axis, delays[axis]).coupling_effort / abs(scale)
+            if scale
+            else 0.0
             for name, axis, scale in zip(network.ports, axes, scales, strict=True)
         },
         press_energy(rig, network.ports),
@@ -284,7 +287,7 @@ def _port(
     else:
         late = delay.periods + delay.remainder_s / rig.period_s
         need = needed(_linear(rig, network, name), late)
-        present = axis.damping.lower
+        present = axis_allowance(rig, axis_name, delay).coupling_damping
         numbers = {
             "needed_damping": need.damping,
             "damping": present,
@@ -341,7 +344,7 @@ def _loop(
     cases = []
     for bound in ("lower", "value"):
         mass = getattr(axis.inertia, bound) + hand.hand.mass
-        damping = axis.damping.lower + hand.hand.damping
+        damping = axis_allowance(rig, axis_name, delay).coupling_damping + hand.hand.damping
         poles = loop_poles(scene, mass, damping, hand.hand.stiffness, late)
         worst = poles[np.argmax(np.abs(poles))]
         radius = float(abs(worst))

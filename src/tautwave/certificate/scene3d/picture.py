@@ -25,6 +25,7 @@ from tautwave.certificate.scene.joint import leak_together, needed_together, see
 from tautwave.certificate.scene3d.maps import levers, network3d_map
 from tautwave.certificate.scene3d.verdict import LARGE
 from tautwave.config import Rig
+from tautwave.rig import axis_allowance
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
 from tautwave.scene3d.arrays import compile_network3d
 from tautwave.types import CommandDelay
@@ -63,7 +64,8 @@ def scene3d_certificate(rig: Rig, delays: Mapping[str, CommandDelay]) -> Figure:
         note(left, missing)
         right.set_axis_off()
         return figure
-    damping = np.array([rig.axes[name].damping.lower for name in names])
+    has = [axis_allowance(rig, name, delays[name]) for name in names]
+    damping = np.array([one.coupling_damping for one in has])
     late = np.array([delays[n].periods + delays[n].remainder_s / rig.period_s for n in names])
     need = needed_together(law, damping, late)
     theta = np.concatenate([np.geomspace(1e-4, 0.1, 300), np.linspace(0.1, math.pi - 1e-6, 900)])

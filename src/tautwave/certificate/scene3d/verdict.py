@@ -42,6 +42,7 @@ from tautwave.certificate.scene.verdict import active_links, joined
 from tautwave.certificate.scene3d.contacts import regimes3d
 from tautwave.certificate.scene3d.maps import levers, network3d_map
 from tautwave.config import Rig
+from tautwave.rig import axis_allowance
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.rig.scene.network import hold_limit, press_energy
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
@@ -68,6 +69,7 @@ class _Scene:
         self.limit = hold_limit(rig, self.network.axes)
         self.axes = [f"master.{name}" for name in self.network.axes]
         self.delays = [delays[name] for name in self.axes]
+        self.has = [axis_allowance(rig, name, delays[name]) for name in self.axes]
         self.large = len(self.network.masses) > LARGE
         self.ways = levers(self.network, axis_scales(rig))
         self.law: PortMap | None = None
@@ -95,7 +97,7 @@ class _Scene:
                 self.arrays, self.scheme, rig.period_s, self.ways, links, self.near
             )
 
-        limits = np.array([rig.axes[name].effort_limit for name in self.axes])
+        limits = np.array([one.coupling_effort for one in self.has])
         efforts = {  # at which the first axis that bears a share of the force is at its limit
             name: float(np.min(limits[row != 0.0] / np.abs(row[row != 0.0]), initial=math.inf))
             for name, row in zip(self.network.coordinates, self.ways, strict=True)
@@ -204,7 +206,7 @@ def _ports(scene: _Scene) -> Iterator[Element]:
     """Yield the elements of the sampled axes: each with the others held, then all together."""
     rig = scene.rig
     need: JointNeed | None = None
-    damping = np.array([rig.axes[name].damping.lower for name in scene.axes])
+    damping = np.array([one.coupling_damping for one in scene.has])
     late = [d.periods + d.remainder_s / rig.period_s for d in scene.delays]
     felt = 0 if scene.law is None else len(seen(scene.law).a)
     why = ""
@@ -251,7 +253,7 @@ def _axis(scene: _Scene, at: int, name: str, need: JointNeed | None, why: str) -
     elif need is None:
         passive = Verdict(False, f"{title}: {why}")
     else:
-        alone, present = need.alone[at], axis.damping.lower
+        alone, present = need.alone[at], scene.has[at].coupling_damping
         numbers = {
             "needed_damping": alone,
             "damping": present,
@@ -313,8 +315,8 @@ def _loop(scene: _Scene) -> PairLoop:
             ),
             np.array(
                 [
-                    axis.damping.lower + hand.hand.damping
-                    for axis, hand in zip(own, hands, strict=True)
+                    one.coupling_damping + hand.hand.damping
+                    for one, hand in zip(scene.has, hands, strict=True)
                 ]
             ),
             np.array([hand.hand.stiffness for hand in hands]),

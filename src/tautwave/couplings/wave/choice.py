@@ -226,7 +226,8 @@ def _bounds(asked: Asked, pair: WavePair) -> Iterator[Bound]:
     ends = {side: _heavy(asked, pair, side) for side in asked.left}
     for side, end in ends.items():
         axis_name = f"{side}.{name}"
-        axis, limit = rig.axes[axis_name], rig.axes[axis_name].effort_limit
+        axis = rig.axes[axis_name]
+        limit = axis_allowance(rig, axis_name, asked.delays[axis_name]).shared_effort
         assert axis.inertia is not None
         units, period = pair.in_device_units(side, 1.0), end.port.period
         reserve = port_reserve(

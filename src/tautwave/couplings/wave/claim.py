@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import Claim, joules, short, watts
 from tautwave.config import Rig, local_wall
 from tautwave.couplings.wave.from_keys import (
@@ -19,10 +20,15 @@ from tautwave.couplings.wave.from_keys import (
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.port import port_reserve
 from tautwave.models.noise_colour import greatest_spectrum
-from tautwave.rig import coupled_axis
+from tautwave.rig import axis_allowance, coupled_axis
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
+
+
+def allowance_of(rig: Rig, axis_name: str, delays: Delays) -> AxisAllowance:
+    """Return what an axis has, and what of it is its port's."""
+    return axis_allowance(rig, axis_name, delays[axis_name])
 
 
 def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:

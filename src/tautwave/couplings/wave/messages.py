@@ -9,7 +9,7 @@ from typing import Any
 from tautwave.analysis.claim import Claim, short, watts
 from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Axis, Rig
-from tautwave.couplings.wave.claim import claim_of
+from tautwave.couplings.wave.claim import allowance_of, claim_of
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.standing import standing
@@ -168,7 +168,8 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
         late = delays[axis_name].periods + delays[axis_name].remainder_s / period
         port = bare_port(keys, side, period, mass, late)
         step = step_effort(port, observer_of(keys, side, period, mass), axis.encoder_quantum)
-        share = step / axis.effort_limit
+        has = allowance_of(rig, axis_name, delays)
+        share = step / has.shared_effort
         if share > GREATEST_STEP:
             softer = port_impedance(keys, "master") * GREATEST_STEP / share
             yield (
@@ -177,7 +178,7 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
                 f"force chatters by about that much; wave_impedance up to {softer:.2g} keeps it "
                 f"below {GREATEST_STEP:.0%}",
             )
-        share = axis.effort_quantum / axis.effort_limit
+        share = has.quantum / has.shared_effort
         if share > GREATEST_STEP:
             yield (
                 f"hint on {axis_name}",
@@ -206,14 +207,15 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[s
     found = []
     for axis_name, axis in rig.axes.items():
         claim = claim_of(rig, axis_name, delays)
-        if axis.inertia is None or axis.effort_rate_limit is None or not isinstance(claim, Claim):
+        has = allowance_of(rig, axis_name, delays)
+        if axis.inertia is None or math.isinf(has.effort_rate) or not isinstance(claim, Claim):
             continue
-        limit, period, mass = axis.effort_limit, rig.axis_period_s(axis_name), axis.inertia.lower
-        held = ramp_bound(ramp_params(period, mass, claim.rate), claim.reserve, 0.0)
+        limit, period, mass = has.shared_effort, has.period, has.inertia
+        held = ramp_bound(ramp_params(period, mass, has.shared_rate), claim.reserve, 0.0)
         if held < limit:
             enough = limit * limit / (period * limit + 2.0 * math.sqrt(2.0 * mass * claim.reserve))
-            enough *= axis.effort_rate_limit / claim.rate  # a carried load has its share
-            found.append((held / limit, axis_name, held, limit / claim.rate, enough))
+            enough *= has.effort_rate / has.shared_rate  # a carried load has its share
+            found.append((held / limit, axis_name, held, limit / has.shared_rate, enough))
     if not found:
         return
     share, axis_name, held, fall, enough = min(found)

@@ -10,6 +10,7 @@ from tautwave.config.keys.operate import Resting
 from tautwave.controller.records import AxisParams
 from tautwave.laws.rest.alignment import align_law
 from tautwave.laws.rest.brake import BrakeParams
+from tautwave.rig.allowance.filling import axis_allowance
 from tautwave.rig.controller import make_control
 from tautwave.rig.operated.brakes import brake_params, quantum_of
 from tautwave.runtime.control import CoupledControl
@@ -89,9 +90,11 @@ def _pull(rig: Rig, keys: Resting, name: str, p: AxisParams, tolerance: float) -
     axis = rig.slave.axes[name]
     assert axis.inertia is not None
     period = p.site.period
+    delay = CommandDelay(p.delay, p.late * period)
+    has = axis_allowance(rig, f"slave.{name}", delay)
     law = align_law(
-        axis.inertia.lower,
-        axis.coulomb.lower,
+        has.inertia,
+        has.rest_coulomb,
         keys.align_effort_share * p.site.limit.effort,
         min(keys.align_speed, p.site.limit.velocity),
         keys.align_acceleration,

@@ -16,6 +16,7 @@ from tautwave.controller.records import PIPE
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_bytes
 from tautwave.laws.wave_filter import filter_gain
+from tautwave.rig.allowance.filling import axis_allowance
 from tautwave.rig.controller import (
     axis_names,
     bare_site,
@@ -291,11 +292,10 @@ def hold_claim(rig: Rig, names: Sequence[str], delays: Mapping[str, CommandDelay
     """
     claim = hold_limit(rig, names)
     for name in (f"master.{name}" for name in names):
-        axis, delay = rig.axes[name], delays[name]
+        has, delay = axis_allowance(rig, name, delays[name]), delays[name]
         until = rig.period_s * (1 + delay.periods) + delay.remainder_s
-        if axis.effort_rate_limit is not None:
-            until += 0.5 * axis.effort_limit / axis.effort_rate_limit
-        claim += axis.effort_limit * (axis.velocity_limit or math.inf) * until
+        until += 0.5 * has.shared_effort / has.shared_rate
+        claim += has.shared_effort * has.velocity * until
     return claim
 
 
@@ -309,7 +309,12 @@ def press_energy(rig: Rig, names: Sequence[str]) -> float:
 
 
 def hold_account(
-    rig: Rig, links: Sequence[Link], names: Sequence[str], control: SceneControl, scheme: str
+    rig: Rig,
+    links: Sequence[Link],
+    names: Sequence[str],
+    delays: Mapping[str, CommandDelay],
+    control: SceneControl,
+    scheme: str,
 ) -> HoldAccount | None:
     """Return the bound on energy created by held efforts; None for scenes that feed energy.
 
@@ -317,12 +322,12 @@ def hold_account(
     """
     if any(link.kind in ACTIVE for link in links):
         return None  # these are not certified, and their energy has no bound
-    keys = [rig.axes[f"master.{name}"] for name in names]
+    axes = [f"master.{name}" for name in names]
     params = [control.params[at] for at in control.ports]
     return HoldAccount(
         [control.axes[at] for at in control.ports],
         [(p.delay, p.late) for p in params],
-        [axis.damping.lower for axis in keys],
+        [axis_allowance(rig, name, delays[name]).coupling_damping for name in axes],
         rig.period_s,
         hold_limit(rig, names),
         holds_forces=scheme == "symplectic",
@@ -348,5 +353,5 @@ def build_scene(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> Sc
         [scene.ports[name].position_scale for name in ports],
         [scene.ports[name].offset for name in ports],
         scene_forces(rig, network, cycles),
-        hold_account(rig, network.links, ports, control, scene.scheme),
+        hold_account(rig, network.links, ports, delays, control, scene.scheme),
     )

@@ -209,5 +209,5 @@ def build_network3d(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -
         axis_scales(rig),
         [0.0] * len(axes),
         forces3d(rig, network, cycles),
-        hold_account(rig, network.links, axes, control, scheme),
+        hold_account(rig, network.links, axes, delays, control, scheme),
     )

@@ -14,7 +14,9 @@ from tautwave.laws.rest.alignment import (
     lead_reference,
     move_reference,
 )
+from tautwave.rig import axis_allowance, command_delays
 from tautwave.session.guided.control import GuidedControl
+from tautwave.types import CommandDelay
 
 SHARE = 0.2
 """Of the effort limit, with which a stop is pressed."""
@@ -30,24 +32,25 @@ LONGEST_S = 60.0
 FAR = 1e6
 
 
-def stop_law(rig: Rig, name: str) -> AlignParams:
+def stop_law(rig: Rig, name: str, delay: CommandDelay) -> AlignParams:
     """Return the law that takes an axis to its stop; needs its inertia's lower bound."""
     axis = rig.axes[name]
     if axis.inertia is None:
         raise SafetyStop(
             f"{name} is velocity-controlled, so its stop cannot be searched for; use the zero pose"
         )
-    period = rig.axis_period_s(name)
+    has = axis_allowance(rig, name, delay)
+    period = has.period
     return align_law(
-        axis.inertia.lower,
-        axis.coulomb.lower,
-        SHARE * axis.effort_limit,
-        min(SPEED, 0.5 * (axis.velocity_limit or SPEED)),
+        has.inertia,
+        has.rest_coulomb,
+        SHARE * has.shared_effort,
+        min(SPEED, 0.5 * (SPEED if math.isinf(has.velocity) else has.velocity)),
         ACCELERATION,
         period,
         period,
         2.0 * period + axis.velocity_filter_s,
-        axis.effort_rate_limit or math.inf,
+        has.shared_rate,
     )
 
 
@@ -70,9 +73,9 @@ def find_stops(
         f"{', '.join(ways)}: the drives are enabled, and each axis moves to its stop in turn; "
         "keep clear, then press Enter"
     )
-    found = {}
+    found, delays = {}, command_delays(rig)
     for name, way in ways.items():
-        found[name] = yield from _find(control, name, way, stop_law(rig, name))
+        found[name] = yield from _find(control, name, way, stop_law(rig, name, delays[name]))
         control.say(f"  {name}: stop at {found[name]:+.4f} in device coordinates")
     return found
 
