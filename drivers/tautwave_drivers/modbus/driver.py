@@ -7,7 +7,6 @@ requested of a drive is in `station`, how it gets there in `line.tcp` and `line.
 
 from __future__ import annotations
 
-import contextlib
 import statistics
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,18 +16,16 @@ from tautwave.errors import BusBudgetError, BusTimeout, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.modbus.budget import rounds
 from tautwave_drivers.modbus.enabling import Enabling
-from tautwave_drivers.modbus.line.client import Client
-from tautwave_drivers.modbus.line.link import Link
+from tautwave_drivers.modbus.leaving import leave, leave_again
+from tautwave_drivers.modbus.line.client import Client, check_echo
 from tautwave_drivers.modbus.line.links import Links
+from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.line.tcp import TcpLink
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices
-from tautwave_drivers.modbus.sequence import Steps
 from tautwave_drivers.modbus.station import MISSING, Station
 
 RESPONSE_S = 0.1
 """Timeout of a response before and after the loop, beyond the time on the wire."""
-LEAVE_S, LEAVE_TRIES = 0.15, 2
-"""Timeout and number of tries when a drive is switched off."""
 TRIALS = 5
 """Exchanges in `open` that measure the response time of TCP drives."""
 
@@ -122,6 +119,9 @@ class ModbusDriver:
             for link, stations in links.groups:
                 links.connect(link)
                 client = Client(link, self._clock, self._timeout_s)
+                if isinstance(link, RtuLink):
+                    until = self._clock.now_ns() + round(1e9 * self._timeout_s)
+                    check_echo(link, self._clock, stations[0], until, told=self._options.echo)
                 for station in stations:
                     bringup = Bringup(station, client, self._options, self._bus, self._clock)
                     bringup.notes = self.notes
@@ -311,59 +311,20 @@ class ModbusDriver:
     # -- afterwards -----------------------------------------------------------------------
 
     def disable(self) -> None:
-        """Safe command, then off, and watchdogs off; a link that is gone is tried once more."""
+        """Safe command, then off, and watchdogs off; `close` tries again who did not confirm it."""
         links = self._links
         self._on = False
-        if links is None or not any(station.procedure is not None for station in self.stations):
+        names = [one.device.axis.name for one in self.stations if one.procedure is not None]
+        if links is None or not names:
             return
         links.watching = False
-        for station in self.stations:
-            if station.procedure is not None:
-                self.unconfirmed[station.device.axis.name] = "it was not told to switch off"
-        for link, stations in sorted(links.groups, key=lambda group: bool(group[0].lost)):
-            link.abandon()
-            if link.lost:
-                links.reach(link, LEAVE_S)
-            client = Client(link, self._clock, LEAVE_S, LEAVE_TRIES)
-            for station in stations:
-                if station.procedure is not None:
-                    self._leave(link, client, station)
-                station.procedure = None
-                station.on = False
+        self.unconfirmed |= dict.fromkeys(names, "it was not told to switch off")
+        doubtful = leave(links, self._clock)
+        for name in names:
+            del self.unconfirmed[name]
+        self.unconfirmed |= doubtful
         self._reset_stations()
         self._enabling = self._new_enabling(links)
-
-    def _leave(self, link: Link, client: Client, station: Station) -> None:
-        """Switch a drive off; a note says so where that was not confirmed."""
-        why = link.lost
-        if not why:
-            try:
-                self._switch_off(client, station)
-            except Exception as err:  # noqa: BLE001  the others have to be switched off too
-                why = str(err)
-        name = station.device.axis.name
-        if why:
-            self.unconfirmed[name] = f"unit {station.device.unit} did not confirm to be off: {why}"
-        else:
-            self.unconfirmed.pop(name, None)
-
-    def _switch_off(self, client: Client, station: Station) -> None:
-        """Zero command first, whatever happens after it."""
-        profile, codec = station.device.profile, station.codec
-        role = "command_effort" if station.device.impedance else "command_velocity"
-        station.stage(0)
-        with contextlib.suppress(DriverError):
-            client.request(station, codec.write(profile.roles[role], 0))  # type: ignore[index]
-        if station.machine is not None:
-            station.machine.disable()
-            client.run(station, station.machine, 0.5)
-        else:
-            steps = Steps(station.label, "disable", codec, profile.disable, self._clock)
-            client.run(station, steps, 1.0)
-        if station.arming and profile.comm_loss is not None:
-            client.request(
-                station, codec.write(profile.comm_loss.register_name, profile.comm_loss.off)
-            )
 
     def _reset_stations(self) -> None:
         for station in self.stations:
@@ -373,6 +334,8 @@ class ModbusDriver:
         """Disable and release the bus; idempotent, never raises."""
         try:
             self.disable()
+            if self._links is not None and self.unconfirmed:
+                self.unconfirmed = leave_again(self._links, self._clock, self.unconfirmed)
         except Exception as err:  # noqa: BLE001  everything has to be released
             self.notes.append(f"bus {self._bus.name}: closing: {err}")
         links, self._links = self._links, None

@@ -73,6 +73,8 @@ class ModbusOptions(Block):
     not given."""
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
     """[s] Latency timer of the USB adapter; not given: 0.001 for /dev/ttyUSB* and /dev/ttyACM*."""
+    echo: bool = False
+    """The adapter of a serial line returns what is sent, as some for RS-485 do: it is taken off."""
     late_s: Pause = 0.02
     """[s] Longest time a drive ever takes to respond. After a request without a response its
     drive is left alone that long, since a late response could be taken for the next one's."""
@@ -273,6 +275,8 @@ def _link_problems(options: ModbusOptions, bus: BusSpec) -> list[str]:
         if options.endpoint.startswith(TCP):
             problems.append(f"endpoint {options.endpoint} is not a serial device; use link: tcp")
     else:
+        if options.echo:
+            problems.append("echo is for serial lines; remove it, or use link: rtu")
         for one in {options.endpoint, *endpoints} - {"sim"}:
             try:
                 host_port(one)

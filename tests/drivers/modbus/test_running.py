@@ -8,6 +8,7 @@ import pytest
 
 from tautwave.errors import DriverError
 from tautwave.types import JointState
+from tautwave_drivers.modbus import leaving
 from tautwave_drivers.modbus.protocol import frames
 from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, spec
 
@@ -268,23 +269,28 @@ def test_a_drive_whose_connection_broke_is_switched_off_over_a_new_one() -> None
     assert made.faults()[0].fatal
     assert made.commanded(0) == 200.0
     made.driver.disable()
+    assert made.number(1, "target_torque") == 200, "other buses are to be told first"
+    assert "reset by the drive" in made.driver.unconfirmed["slave.a1"]
+    made.driver.close()
     assert made.number(1, "target_torque") == 0
     assert not made.world.bus.drives[1].on
-    made.driver.close()
+    assert made.driver.unconfirmed == {}
 
 
-def test_a_drive_that_may_still_be_on_is_reported_and_the_next_one_is_switched_off() -> None:
+def test_a_drive_that_may_still_be_on_is_reported_and_the_next_one_is_switched_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made = bench(spec(1), spec(2), **FAST_RTU)
     made.enable()
     made.run(5, 0.1)
-    switch_off = made.driver._switch_off
+    switch_off = leaving.switch_off
 
-    def failing(client: Any, station: Any) -> None:
+    def failing(client: Any, station: Any, clock: Any) -> None:
         if station.device.unit == 1:
             raise ZeroDivisionError("an error of ours")
-        switch_off(client, station)
+        switch_off(client, station, clock)
 
-    made.driver._switch_off = failing  # type: ignore[method-assign]
+    monkeypatch.setattr(leaving, "switch_off", failing)
     made.driver.close()
     assert made.driver.unconfirmed == {
         "slave.a1": "unit 1 did not confirm to be off: an error of ours"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from tautwave.contracts import Clock
 from tautwave.errors import BusTimeout, DriverError
 from tautwave_drivers.modbus.line.link import Link
-from tautwave_drivers.modbus.protocol.frames import REFUSED, Request
+from tautwave_drivers.modbus.line.rtu import RtuLink
+from tautwave_drivers.modbus.protocol.frames import REFUSED, Request, rtu_request
 from tautwave_drivers.modbus.protocol.transaction import Transaction
 from tautwave_drivers.modbus.sequence import Procedure
 from tautwave_drivers.modbus.station import Station
@@ -41,6 +42,36 @@ def request_once(link: Link, clock: Clock, unit: int, request: Request, limit_ns
     if link.lost:
         raise DriverError(link.lost)
     return transaction.responses[0] if transaction.responses else b""
+
+
+def check_echo(link: RtuLink, clock: Clock, station: Station, until_ns: int, *, told: bool) -> None:
+    """See whether a line returns what is sent, before anything is written to a drive on it.
+
+    A write of one register is answered by itself: its echo would be taken for the drive's word. A
+    read has 8 bytes and its response an odd number, so one is never the other.
+
+    Raises
+    ------
+    DriverError
+        It does otherwise than the options have `told`, or is gone.
+    """
+    request = station.codec.read(station.device.profile.roles["status"])
+    link.heard = bytearray()
+    request_once(link, clock, station.device.unit, request, until_ns)
+    echoes = rtu_request(station.device.unit, request) in link.heard
+    silent = not link.heard
+    link.heard = None
+    where = station.device.endpoint
+    if echoes and not told:
+        raise DriverError(
+            f"{where}: the line answers itself: what is sent comes back, and would pass for a "
+            "drive's answer; switch the adapter's echo off, or set echo: true in the bus' options"
+        )
+    if told and not echoes and not silent:
+        raise DriverError(
+            f"{where}: echo: true, but nothing that is sent comes back; remove it from the bus' "
+            "options"
+        )
 
 
 class Client:

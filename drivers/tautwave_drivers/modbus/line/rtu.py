@@ -47,6 +47,10 @@ class RtuLink(Link):
         self._quiet_ns = 0
         self._due_ns = 0
         self._missed: dict[int, tuple[int, Request]] = {}
+        self._echoes = options.echo
+        self._echo = b""
+        self.heard: bytearray | None = None
+        """All that comes, while it is not None."""
 
     @property
     def busy(self) -> bool:
@@ -112,6 +116,10 @@ class RtuLink(Link):
     def _take(self, data: bytes, now_ns: int) -> None:
         self._quiet_ns = now_ns + self._gap_ns
         buffer = self._buffer
+        if self.heard is not None:
+            self.heard += data
+        if self._echo:
+            data = self._without_echo(data)
         pending = self._pending
         if pending is not None:
             if buffer:
@@ -135,6 +143,14 @@ class RtuLink(Link):
         if len(buffer) > LONGEST:
             del buffer[:-LONGEST]
 
+    def _without_echo(self, data: bytes) -> bytes:
+        """Return what is left of `data` and all before it once the request itself is taken off."""
+        heard = bytes(self._buffer) + data
+        self._buffer.clear()
+        if heard.startswith(self._echo):
+            heard, self._echo = heard[len(self._echo) :], b""
+        return heard
+
     def _match_late(self, buffer: bytearray) -> None:
         """Recognise a late response: its drive may be asked again."""
         for unit, (_, request) in list(self._missed.items()):
@@ -154,6 +170,8 @@ class RtuLink(Link):
         request = transaction.request
         frame = rtu_request(transaction.unit, request)
         port.write(frame)
+        if self._echoes:
+            self._echo = frame
         self._pending = transaction
         transaction.sent_ns.append(now_ns)
         wire_ns = (len(frame) + 3 + (request.size or LONGEST)) * self._char_ns
