@@ -12,6 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
 from tautwave_drivers.canopen.files.belonging import Use, check_files
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.modes import Mode
 from tautwave_drivers.cia402.units import INT16, AxisScale, Transmission, axis_scale, limit_counts
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -296,19 +298,18 @@ def limit_permille(node: Node, axis: AxisSpec) -> int:
     return limit_counts(axis.effort_limit, scale(node, axis).effort_quantum)
 
 
-def files_of(nodes: Sequence[tuple[str, Node]]) -> list[Use]:
-    """Return the EDS and DCF files of nodes, given with their axis' name."""
-    return [
-        Use(
-            name,
-            node.id,
-            node.eds,
-            {} if node.identity is None else node.identity.model_dump(),
-            node.dcf_include,
-        )
-        for name, node in nodes
-        if node.eds is not None
-    ]
+def files_of(axes: Sequence[tuple[AxisSpec, Node]]) -> list[Use]:
+    """Return the EDS and DCF files of a bus, and what the rig wants of their drives."""
+    uses = []
+    for axis, node in axes:
+        if node.eds is None:
+            continue
+        identity = {} if node.identity is None else node.identity.model_dump()
+        mode, needed = Mode.CST, [o.TARGET_TORQUE, o.POSITION]
+        if axis.causality == "admittance":
+            mode, needed = Mode.CSV, [o.TARGET_VELOCITY, o.POSITION, o.TORQUE]
+        uses.append(Use(axis.name, node.id, node.eds, identity, node.dcf_include, mode, needed))
+    return uses
 
 
 def facts(options: CanopenOptions, bus: BusSpec) -> Sequence[AxisFacts]:
@@ -320,7 +321,7 @@ def facts(options: CanopenOptions, bus: BusSpec) -> Sequence[AxisFacts]:
         The EDS or DCF of a node cannot be read, or its values are not for that node.
     """
     nodes = nodes_of(options, bus)
-    check_files(files_of([(axis.name, node) for axis, node in zip(bus.axes, nodes, strict=True)]))
+    check_files(files_of(list(zip(bus.axes, nodes, strict=True))))
     return [
         AxisFacts(one.encoder_quantum, one.effort_quantum, one.velocity_quantum)
         if axis.causality == "admittance"

@@ -7,11 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tautwave.errors import ConfigError
 from tautwave.types import FoundBus, FoundDevice, Setting, Survey
 from tautwave_drivers.assumed import assumed_axis
 from tautwave_drivers.canopen.files.belonging import identity_of
+from tautwave_drivers.canopen.files.foreseen import lacking, no_drive, unwatched
 from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.scan import MOTOR, ScanOptions
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.modes import Mode
 from tautwave_drivers.cia402.units import MAXON, MICRO, MILLI
 
 PEAK = 3.0
@@ -56,9 +60,13 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
     Raises
     ------
     ConfigError
-        It is not an EDS or DCF file.
+        It is not an EDS or DCF file, or describes no drive that takes torque.
     """
     file = read_device_file(str(path))
+    needed = (o.TARGET_TORQUE, o.POSITION)
+    reasons = [one] if (one := no_drive(file)) else list(lacking(file, Mode.CST, needed))
+    if reasons:
+        raise ConfigError(reasons)
     row: dict[str, Any] = {
         **identity_of(file),
         **{column: file.number(entry) for column, entry in MOTOR.items()},
@@ -70,7 +78,10 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
         "bitrate": Setting(1_000_000, "TODO: as the drives are set"),
     }
     devices = [_device(number, row, name, str(path)) for number in ids]
-    return FoundBus("can", "canopen", given, "nodes", devices, _notes([row]))
+    notes = _notes([row])
+    if reason := unwatched(file):
+        notes.append(f"TODO: by its EDS {reason}: a run needs --allow-unwatched")
+    return FoundBus("can", "canopen", given, "nodes", devices, [*file.remarks, *notes])
 
 
 def _device(number: int, row: Mapping[str, Any], name: str, eds: str = "") -> FoundDevice:
@@ -80,8 +91,7 @@ def _device(number: int, row: Mapping[str, Any], name: str, eds: str = "") -> Fo
         entry["identity"] = {"vendor": vendor, "product": product}
     raw = _number(row.get("rated_torque"))
     rated = 0.1 if not raw else raw * (MICRO if vendor == MAXON else MILLI)
-    turns = _number(row.get("revolutions")) or 1
-    counts = round((_number(row.get("increments")) or 4096) / turns)
+    counts = round(_increments(row) or 4096)
     gear = (_number(row.get("gear_motor")) or 1) / (_number(row.get("gear_shaft")) or 1)
     entry |= {"rated_torque": rated, "counts_per_revolution": counts, "gear_ratio": gear}
     if eds:
@@ -95,14 +105,27 @@ def _device(number: int, row: Mapping[str, Any], name: str, eds: str = "") -> Fo
     return FoundDevice(number, name, entry, axis)
 
 
+def _increments(row: Mapping[str, Any]) -> float | None:
+    """Return counts per turn, None where they are not stated: drives leave 1/1, or 0, there."""
+    increments, turns = _number(row.get("increments")), _number(row.get("revolutions")) or 1
+    counts = increments / turns if increments else 1.0
+    return counts if counts > 1.0 else None
+
+
 def _notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    unknown = {
-        "rated_torque": "rated_torque [N m] is a guess: TODO the motor's name plate",
-        "increments": "counts_per_revolution is a guess: TODO encoder lines times 4",
-        "gear_motor": "gear_ratio is a guess: TODO motor turns per turn of the lever",
-    }
+    unknown = (
+        ("rated_torque [N m]", "the motor's name plate, or 6076h in the drive's tool"),
+        ("counts_per_revolution", "encoder lines times 4, or 6064h over one turn by hand"),
+        ("gear_ratio", "motor turns per turn of the lever"),
+    )
+    values = [
+        (_number(row.get("rated_torque")), _increments(row), _number(row.get("gear_motor")))
+        for row in rows
+    ]
     found = [
-        text for key, text in unknown.items() if any(not _number(row.get(key)) for row in rows)
+        f"{key} is a guess: TODO {how}"
+        for (key, how), stated in zip(unknown, zip(*values, strict=True), strict=True)
+        if not all(stated)
     ]
     return [*found, "direction: -1 where the motor turns against the axis. TODO: check each."]
 

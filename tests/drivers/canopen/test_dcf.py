@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DriverError
 from tautwave_drivers.canopen.files.belonging import check_files, parameters
 from tautwave_drivers.canopen.files.choosing import Choice, choose
@@ -28,6 +29,10 @@ def written(path: Path, text: str) -> str:
     return str(path)
 
 
+def spec(number: int) -> AxisSpec:
+    return AxisSpec(f"axis{number}", number, "rotary", "impedance", 0.4)
+
+
 def checked(*nodes: tuple[int, str], identity: dict[str, int] | None = None) -> tuple[str, ...]:
     """Problems of the files of some nodes."""
     given: list[dict[str, Any]] = [
@@ -37,7 +42,7 @@ def checked(*nodes: tuple[int, str], identity: dict[str, int] | None = None) -> 
     ]
     options = driver_options({"interface": "virtual", "channel": "x", "nodes": given})
     try:
-        check_files(files_of([(f"axis{node.id}", node) for node in options.nodes]))
+        check_files(files_of([(spec(node.id), node) for node in options.nodes]))
     except ConfigError as err:
         return tuple(err.problems)
     return ()
@@ -221,7 +226,7 @@ def test_an_object_that_the_file_lacks_or_that_moves_cannot_be_named(tmp_path: P
         block = {"interface": "virtual", "nodes": [given | {"dcf_include": list(include)}]}
         (node,) = driver_options(block).nodes
         try:
-            check_files(files_of([("axis1", node)]))
+            check_files(files_of([(spec(1), node)]))
         except ConfigError as err:
             return list(err.problems)
         return []

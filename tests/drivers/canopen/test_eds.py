@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tautwave.errors import ConfigError
 from tautwave_drivers.canopen.files.belonging import identity_of, parameters
 from tautwave_drivers.canopen.files.reading import LARGEST, DeviceFile, read_device_file
+from tautwave_drivers.cia402.objects import HOMING_SLOW
 from tests.drivers.canopen.test_more import EDS
 
 WINDOW = (0x6065, 0)
@@ -172,6 +173,18 @@ def test_a_chinese_file_is_read(tmp_path: Path, name: str) -> None:
 def test_text_before_the_first_section_is_skipped(tmp_path: Path) -> None:
     text = dcf(entry("777"), before="EDS of a drive\nVersion: 2\n")
     assert values(tmp_path / "a.dcf", text) == {WINDOW: U32_777}
+
+
+@pytest.mark.parametrize(("suffix", "more", "wanted"), [
+    ("eds", "", 0), ("dcf", "", 2), ("eds", entry("777"), 3),
+])  # fmt: skip
+def test_listed_values_are_defaults_in_an_eds_and_settings_in_a_dcf(
+    tmp_path: Path, suffix: str, more: str, wanted: int
+) -> None:
+    text = dcf(COMPACT + "[6099Value]\nNrOfEntries=2\n1=10\n2=0x14\n" + more)
+    file = read(tmp_path / f"a.{suffix}", text)
+    assert len(parameters(file, 1)) == wanted
+    assert file.number(HOMING_SLOW) == 20
 
 
 WRONG = {

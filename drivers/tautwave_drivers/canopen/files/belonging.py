@@ -9,9 +9,11 @@ from typing import NamedTuple
 
 from tautwave.errors import ConfigError
 from tautwave_drivers.canopen.files.choosing import COMMANDS, is_named
+from tautwave_drivers.canopen.files.foreseen import lacking, no_drive
 from tautwave_drivers.canopen.files.reading import DeviceFile, Setting, read_device_file
 from tautwave_drivers.canopen.files.values import integer
 from tautwave_drivers.cia402 import communication as c
+from tautwave_drivers.cia402.entry import Entry
 
 IDENTITY = {
     "vendor": (c.VENDOR_ID, "vendornumber"),
@@ -65,13 +67,18 @@ def parameters(file: DeviceFile, node_id: int) -> list[Setting]:
 
 
 class Use(NamedTuple):
-    """A file in a rig: the axis, its node, the path, what the rig expects, what it includes."""
+    """A file in a rig: the axis and its node, the path, and what the rig wants of the drive.
+
+    That is its identity, objects of the DCF to include, its mode, and the objects of that.
+    """
 
     axis: str
     node: int
     path: str
     identity: Mapping[str, int | None]
-    include: Sequence[str] = ()
+    include: Sequence[str]
+    mode: int
+    needed: Sequence[Entry]
 
 
 def check_files(uses: Sequence[Use]) -> None:
@@ -91,13 +98,15 @@ def _problems(uses: Sequence[Use]) -> Iterator[str]:
     sharing: defaultdict[Path, list[int]] = defaultdict(list)
     for use in uses:
         sharing[Path(use.path).resolve()].append(use.node)
-    for name, node, path, identity, include in uses:
+    for name, node, path, identity, include, mode, needed in uses:
         try:
             file = read_device_file(path)
             found = parameters(file, node)
         except ConfigError as err:
             yield from (f"{name}: {text}" for text in err.problems)
             continue
+        reasons = [one] if (one := no_drive(file)) else list(lacking(file, mode, needed))
+        yield from (f"{name}: {reason}; name this drive's own file" for reason in reasons)
         both = sharing[Path(path).resolve()]
         stated = file.node_id if has_values(file) else None
         if stated is not None and len(both) > 1:

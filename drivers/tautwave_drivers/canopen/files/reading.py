@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -169,7 +169,11 @@ def _read(path: str, mtime_ns: int, size: int) -> DeviceFile:
     text = _decoded(raw)
     remarks: list[str] = []
     sections = _sections(path, text, remarks)
-    objects = _objects(path, sections)
+    # Lists of values ([1234Value]) are defaults in an EDS, settings in a DCF.
+    dcf = Path(path).suffix.lower() == ".dcf" or any(
+        section.get("parametervalue") for section in sections.values()
+    )
+    objects = _objects(path, sections, dcf=dcf)
     if not objects:
         raise ConfigError(
             f"{path}: not an EDS or DCF file: it defines no objects; use the one from the drive's "
@@ -253,7 +257,9 @@ def _sections(path: str, text: str, remarks: list[str]) -> dict[str, _Section]:
     return found
 
 
-def _objects(path: str, sections: dict[str, _Section]) -> dict[tuple[int, int], FileObject]:
+def _objects(
+    path: str, sections: dict[str, _Section], *, dcf: bool
+) -> dict[tuple[int, int], FileObject]:
     """Return all objects, by the order in which their indices first come."""
     parents: dict[int, _Section] = {}
     subs: dict[int, dict[int, _Section]] = {}
@@ -278,10 +284,15 @@ def _objects(path: str, sections: dict[str, _Section]) -> dict[tuple[int, int], 
         parent = parents.get(index)
         names, values = (lists.get((index, kind)) for kind in ("name", "value"))
         for one in _members(path, sections, index, parent, members, names, values):
-            found[index, one.sub] = one
+            found[index, one.sub] = one if dcf or one.value is None else as_default(one)
         if len(found) > MOST_OBJECTS:
             raise ConfigError(f"{path}: more than {MOST_OBJECTS} objects, so no drive's file")
     return found
+
+
+def as_default(one: FileObject) -> FileObject:
+    """Return an object whose value is its default."""
+    return replace(one, default=one.value.text if one.value else one.default, value=None)
 
 
 def _members(

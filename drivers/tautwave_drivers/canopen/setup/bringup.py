@@ -77,7 +77,7 @@ def bring_up(
     while port.receive() is not None:
         pass  # frames from before
     try:
-        check_files(files_of([(axis.label, axis.node) for axis in axes]))
+        check_files(files_of([(axis.spec, axis.node) for axis in axes]))
     except ConfigError as err:  # it has changed since the rig was read
         raise DriverError(f"bus {bus.name}: {'; '.join(err.problems)}") from err
     drives = [net.remote(axis.node.id, axis.label) for axis in axes]

@@ -1,0 +1,134 @@
+"""What an EDS tells of its drive before any wire: in `check`, and in a new rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tautwave.contracts import AxisSpec
+from tautwave.errors import ConfigError
+from tautwave_drivers.canopen import plugin
+from tautwave_drivers.canopen.files.belonging import check_files
+from tautwave_drivers.canopen.options import files_of
+from tests.drivers.canopen.benches import driver_options
+from tests.drivers.canopen.test_eds import dcf, entry
+
+DRIVE = {
+    "1000": "0x00020192", "1016sub1": "0", "1400sub5": "0", "6007": "1", "6040": "0", "6041": "0",
+    "6064": "0", "6071": "0", "6077": "0", "60FF": "0", "6502": "0x3AD",
+}  # fmt: skip
+"""Objects of a drive's file, and their defaults."""
+
+
+def eds(path: Path, **changes: str | None) -> Path:
+    objects: dict[str, Any] = DRIVE | {key.lstrip("x"): text for key, text in changes.items()}
+    path.write_text(
+        dcf("".join(
+            entry("-", name=name, DefaultValue=text, ParameterName=f"Object {name}")
+            for name, text in objects.items() if text is not None
+        ))
+    )  # fmt: skip
+    return path
+
+
+def checked(path: Path, causality: str = "impedance") -> list[str]:
+    given = {"id": 1, "rated_torque": 0.5, "counts_per_revolution": 4096, "eds": str(path)}
+    (node,) = driver_options({"interface": "virtual", "nodes": [given]}).nodes
+    axis = AxisSpec("arm.j1", 1, "rotary", causality, 0.4)
+    try:
+        check_files(files_of([(axis, node)]))
+    except ConfigError as err:
+        return [one.replace(f"{path.parent}/", "") for one in err.problems]
+    return []
+
+
+@pytest.mark.parametrize(
+    ("changes", "causality", "said"),
+    [
+        ({}, "impedance", ""),
+        ({}, "admittance", ""),
+        (
+            {"x1000": "0x000F0191"},
+            "impedance",
+            "arm.j1: a.eds describes an I/O module (CiA 401), not a CiA 402 drive: 1000:00 device "
+            "type is 0x000F0191, but its low word should be 0192; name this drive's own file",
+        ),
+        ({"x1000": ""}, "impedance", ""),
+        ({"x1000": "0"}, "impedance", ""),
+        ({"x6502": "0xA5"}, "impedance", "a.eds has no CST cyclic synchronous torque: 6502:00"),
+        ({"x6502": "0x225"}, "admittance", "a.eds has no CSV cyclic synchronous velocity"),
+        ({"x6502": "0"}, "impedance", ""),
+        ({"x6502": None}, "impedance", ""),
+        ({"x6071": None}, "impedance", "a.eds has no 6071:00 target torque, which CST"),
+        ({"x6071": None}, "admittance", ""),
+        ({"x6077": None}, "admittance", "a.eds has no 6077:00 torque actual value, which CSV"),
+        ({"x60FF": None}, "admittance", "a.eds has no 60FF:00 target velocity"),
+        ({"x6041": None, "x6071": None}, "impedance", ""),  # a file of some objects only
+    ],
+)
+def test_what_the_run_would_refuse_is_said_before_any_wire(
+    tmp_path: Path, changes: dict[str, str | None], causality: str, said: str
+) -> None:
+    found = checked(eds(tmp_path / "a.eds", **changes), causality)
+    assert bool(found) == bool(said), found
+    assert all(said in one for one in found)
+
+
+def described(path: Path) -> Any:
+    assert plugin.survey is not None
+    return plugin.survey.describe(path, [1])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        ({"x1016sub1": None}, ""),
+        ({"x1016sub1": None, "x1400sub5": None}, "it has no watchdog (neither 1016:01 nor"),
+        ({"x6007": None}, "it does not say how it reacts to a lost master (no 6007:00)"),
+    ],
+)
+def test_a_drive_without_a_watchdog_is_said_of_a_new_rig(
+    tmp_path: Path, changes: dict[str, str | None], said: str
+) -> None:
+    notes = [note for note in described(eds(tmp_path / "a.eds", **changes)).notes if "EDS" in note]
+    assert bool(notes) == bool(said), notes
+    assert all(said in note and "--allow-unwatched" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "counts", "rated", "guessed"),
+    [
+        ({}, 4096, 0.1, ["rated_torque", "counts_per_revolution", "gear_ratio"]),
+        (
+            {"x608Fsub1": "1", "x608Fsub2": "1", "x6076": "0", "x6091sub1": "1"},
+            4096, 0.1, ["rated_torque", "counts_per_revolution"],
+        ),
+        (
+            {"x608Fsub1": "0", "x608Fsub2": "0", "x6076": "", "x6091sub1": "0"},
+            4096, 0.1, ["rated_torque", "counts_per_revolution", "gear_ratio"],
+        ),
+        (
+            {"x608Fsub1": "20000", "x608Fsub2": "2", "x6076": "700", "x6091sub1": "1"},
+            10000, 0.7, [],
+        ),
+    ],
+)  # fmt: skip
+def test_a_default_that_states_nothing_is_a_guess_to_be_settled(
+    tmp_path: Path, changes: dict[str, str], counts: int, rated: float, guessed: list[str]
+) -> None:
+    found = described(eds(tmp_path / "a.eds", **changes))
+    (device,) = found.devices
+    assert device.options["counts_per_revolution"] == counts
+    assert device.options["rated_torque"] == pytest.approx(rated)
+    notes = [note for note in found.notes if "is a guess: TODO" in note]
+    assert [note.split(" ")[0] for note in notes] == guessed
+
+
+def test_no_rig_is_made_of_a_file_that_describes_no_drive(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="describes an encoder"):
+        described(eds(tmp_path / "a.eds", x1000="0x00020196"))
+    with pytest.raises(ConfigError, match="has no CST"):
+        described(eds(tmp_path / "a.eds", x6502="1"))
