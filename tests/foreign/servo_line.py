@@ -93,6 +93,7 @@ class Servo:
             self.put(INDIRECT + 2 * place, 2, INDIRECT_DATA + place)
         for address, (size, value) in {**RAM, **self.eeprom}.items():
             self.put(address, size, value)
+        self.put(TORQUE, 1, self.get(60, 1) & 1)
         self.speed = 0.0
         self.turn %= 4096.0
 
@@ -108,7 +109,8 @@ class Servo:
     def pushes(self) -> bool:
         """Whether its motor follows a goal other than zero."""
         goal = self.get(GOAL_CURRENT, 2, signed=True)
-        return bool(self.get(TORQUE, 1) and self.get(MODE, 1) == 0 and goal)
+        driven = self.get(36, 2) and self.get(100, 2)  # PWM limit and goal cap the output
+        return bool(self.get(TORQUE, 1) and self.get(MODE, 1) == 0 and goal and driven)
 
     def advance(self, now_ns: int) -> None:
         span_ns, self.now_ns = now_ns - self.now_ns, now_ns

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from tautwave.contracts import BusSpec
 from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.dynamixel.line.transactions import Line
-from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo
+from tautwave_drivers.dynamixel.options import LAST_ID, DynamixelOptions, Servo
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, status_text
 from tautwave_drivers.dynamixel.protocol.models import CAVEAT, VELOCITY_UNIT, model_name
@@ -24,11 +24,12 @@ from tautwave_drivers.dynamixel.protocol.units import Scale
 from tautwave_drivers.dynamixel.state import AGAIN
 
 REVERSED = 0x01
+PROFILE_BY_TIME = 0x04
 TORQUE_BY_GOAL = 0x08
-"""Bits of Drive Mode(10): turns the other way; a goal alone switches torque on."""
+"""Bits of Drive Mode(10): turns the other way; profiles in ms; a goal alone switches torque on."""
 
-LAST_ID, NO_ID = 252, 255
-"""Greatest id of a servo; a Secondary ID(12) above it is none, and this is the default."""
+NO_ID = 255
+"""Secondary ID(12) of a servo that has none."""
 
 REBOOT_PINGS = 20
 """Each waits 0.1 s for a servo that is still starting."""
@@ -169,15 +170,42 @@ class Bringup:
         given = servo.options.current_limit
         if given is not None and servo.model.current_unit > 0.0:
             self._keep(servo, reg.CURRENT_LIMIT, round(given / servo.model.current_unit))
+        self._voltage(servo)
+        offset = self._get(servo, reg.HOMING_OFFSET)
+        if offset:
+            self.notes.append(
+                f"{self._where(servo)}: homing offset(20) is {offset}: its positions, and "
+                "zero_counts, are counted with it"
+            )
+        if self._find(servo, reg.STARTUP):
+            self._keep(
+                servo, reg.STARTUP, 0, "else torque or old goals come back by themselves after a "
+                "power dip",
+            )  # fmt: skip
         if servo.axis.name in self.unwatched:
             return  # firmware that old has no drive mode either
         drive_mode = self._get(servo, reg.DRIVE_MODE)
-        if drive_mode & TORQUE_BY_GOAL:
-            self._keep(servo, reg.DRIVE_MODE, drive_mode & ~TORQUE_BY_GOAL)
+        unwanted = TORQUE_BY_GOAL if servo.impedance else TORQUE_BY_GOAL | PROFILE_BY_TIME
+        if drive_mode & unwanted:
+            self._keep(
+                servo, reg.DRIVE_MODE, drive_mode & ~unwanted, "no torque by a goal alone, no "
+                "profile by time",
+            )  # fmt: skip
         if drive_mode & REVERSED:
             self.notes.append(
                 f"{self._where(servo)}: drive mode is reversed in the servo; options.direction "
                 "applies on top of it"
+            )
+
+    def _voltage(self, servo: Servo) -> None:
+        """See that what its motor may get lets it follow its goals."""
+        limit = self._get(servo, reg.PWM_LIMIT)
+        if limit == 0:
+            self._keep(servo, reg.PWM_LIMIT, reg.FULL_PWM, "its motor gets no voltage at all")
+        elif limit < reg.FULL_PWM:
+            self.notes.append(
+                f"{self._where(servo)}: pwm limit(36) is {limit} of {reg.FULL_PWM}: its motor gets "
+                f"at most {100 * limit / reg.FULL_PWM:.0f} % of the supply"
             )
 
     def _keep(self, servo: Servo, register: Register, wanted: int, why: str = "") -> None:
@@ -198,6 +226,8 @@ class Bringup:
     def _prepare(self, servo: Servo, scale: Scale) -> Limits:
         """Set the RAM; return the largest goals."""
         self._put(servo, reg.STATUS_RETURN_LEVEL, 2)
+        # It caps the output in every mode, and another program may have left it low.
+        self._put(servo, reg.GOAL_PWM, self._get(servo, reg.PWM_LIMIT))
         if servo.impedance:
             limits = self._current_limit(servo, scale)
             self._put(servo, reg.GOAL_CURRENT, 0)
@@ -319,6 +349,13 @@ class Bringup:
                 f"{self._where(servo)}: {register.name}({register.address}) cannot be read: "
                 f"{status_text(response.error)}"
             )
+        return register.decode(response.data)
+
+    def _find(self, servo: Servo, register: Register) -> int | None:
+        """Return what a register holds that older firmware does not have; None without it."""
+        response = self._line.read(servo.options.id, register.address, register.size)
+        if response is None or response.number or len(response.data) < register.size:
+            return None
         return register.decode(response.data)
 
     def _put(self, servo: Servo, register: Register, value: int) -> None:

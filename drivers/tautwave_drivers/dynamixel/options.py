@@ -28,6 +28,9 @@ Protocol = Annotated[float, AfterValidator(_known)]
 WATCHED_PERIODS = 3
 """Shortest watchdog, in periods of the bus."""
 
+LAST_ID = 252
+"""Greatest id of a servo."""
+
 USB_LATENCY_S = 0.001
 """Latency timer of a USB adapter as it should be set; FTDI's default is 0.016."""
 
@@ -37,7 +40,7 @@ class ServoOptions(BaseModel):
 
     model_config = STRICT
 
-    id: Annotated[int, Field(ge=0, le=252)]
+    id: Annotated[int, Field(ge=0, le=LAST_ID)]
     model: str
     """Name of the model, e.g. XM430-W350; checked against the servo."""
     torque_constant: Positive | None = None

@@ -12,7 +12,7 @@ from tautwave.contracts import BytePort, Clock, ScanProgress, no_progress
 from tautwave.errors import ConfigError
 from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s
 from tautwave_drivers.dynamixel.line.transactions import PacketLine, Protocol1Line
-from tautwave_drivers.dynamixel.options import STRICT, Protocol
+from tautwave_drivers.dynamixel.options import LAST_ID, STRICT, Protocol
 from tautwave_drivers.dynamixel.protocol import packet, packet1
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, protocol1_text
@@ -155,6 +155,9 @@ def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int
     delay = line.read(device_id, reg.RETURN_DELAY.address, 1)
     if delay is not None and delay.data:
         row["return_delay_us"] = 2 * delay.data[0]
+    second = line.read(device_id, reg.SECONDARY_ID.address, 1)
+    if second is not None and second.data and second.data[0] <= LAST_ID:
+        row["obeys_too"] = second.data[0]
     model = MODELS.get(str(row["model"]))
     if model is not None:
         current = line.read(device_id, reg.CURRENT_LIMIT.address, 2)

@@ -246,6 +246,59 @@ def test_a_servo_that_obeys_a_second_id_is_refused_and_configure_ends_it(shadow:
     made.driver.close()
 
 
+@pytest.mark.parametrize(
+    ("register", "wrong", "right", "words"),
+    [
+        (10, 8, 0, r"drive mode\(10\) 8 -> 0 \(no torque by a goal alone"),
+        (10, 9, 1, r"drive mode\(10\) 9 -> 1 "),
+        (11, 3, 0, r"operating mode\(11\) 3 \(position\) -> 0 \(current\)"),
+        (servo_line.SHADOW, 3, 255, r"secondary id\(12\) 3 -> 255"),
+        (36, 0, 885, r"pwm limit\(36\) 0 -> 885 \(its motor gets no voltage"),
+        (60, 1, 0, r"startup configuration\(60\) 1 -> 0 \(else torque or old goals"),
+        (60, 3, 0, r"startup configuration\(60\) 3 -> 0 "),
+    ],
+)
+def test_what_changes_who_obeys_what_is_refused_by_name_and_written_back(
+    register: int, wrong: int, right: int, words: str
+) -> None:
+    size, _ = servo_line.EEPROM[register]
+    registers = {register: (size, wrong)}
+    with pytest.raises(DriverError, match=words):
+        rig({}, registers).driver.open()
+    made = rig({}, registers, configure=True)
+    made.enable()
+    assert made.line.servos[1].get(register, size) == right
+    made.line.servos[1].unguarded = False  # it came on by itself, before anybody asked
+    for _ in range(100):
+        made.cycle()
+    assert made.line.servos[1].turn > 2060.0, "it obeys"
+    made.driver.close()
+    assert_safe(made)
+
+
+def test_a_goal_pwm_that_another_program_left_is_taken_back() -> None:
+    made = rig()
+    made.line.servos[1].put(100, 2, 0)
+    assert whole_run(made, 100) == ""
+    assert made.line.servos[1].turn > 2060.0
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "words"),
+    [
+        (36, 300, "pwm limit(36) is 300 of 885: its motor gets at most 34 % of the supply"),
+        (20, -1024, "homing offset(20) is -1024"),
+        (10, 1, "drive mode is reversed in the servo"),
+    ],
+)
+def test_what_may_be_meant_is_said(register: int, value: int, words: str) -> None:
+    size, _ = servo_line.EEPROM[register]
+    made = rig({}, {register: (size, value)})
+    made.enable()
+    assert any(f"servo 2): {words}" in note for note in made.driver.notes)
+    made.driver.close()
+
+
 @pytest.mark.parametrize("none", [253, 254, 255])
 def test_a_second_id_that_is_none_is_fine(none: int) -> None:
     made = rig({}, {servo_line.SHADOW: (1, none)})

@@ -61,6 +61,9 @@ def test_the_simulator_was_made_from_the_same_pages(model: Model) -> None:
         (reg.PRESENT_TEMPERATURE, "Present Temperature"), (reg.DRIVE_MODE, "Drive Mode"),
         (reg.STATUS_RETURN_LEVEL, "Status Return Level"), (reg.MODEL_NUMBER, "Model Number"),
         (reg.PROFILE_ACCELERATION, "Profile Acceleration"), (reg.FIRMWARE, "Firmware Version"),
+        (reg.SECONDARY_ID, "Secondary(Shadow) ID"), (reg.HOMING_OFFSET, "Homing Offset"),
+        (reg.PWM_LIMIT, "PWM Limit"), (reg.GOAL_PWM, "Goal PWM"),
+        (reg.STARTUP, "Startup Configuration"),
     ):  # fmt: skip
         item = items[name]
         assert (register.address, register.size) == (item.address, item.size)

@@ -41,15 +41,18 @@ RETURN_DELAY = Register("return delay time", 9, 1, eeprom=True)
 DRIVE_MODE = Register("drive mode", 10, 1, eeprom=True)
 OPERATING_MODE = Register("operating mode", 11, 1, eeprom=True)
 SECONDARY_ID = Register("secondary id", 12, 1, eeprom=True)
+PWM_LIMIT = Register("pwm limit", 36, 2, eeprom=True)
 CURRENT_LIMIT = Register("current limit", 38, 2, eeprom=True)
 VELOCITY_LIMIT = Register("velocity limit", 44, 4, eeprom=True)
 MAX_POSITION = Register("max position limit", 48, 4, eeprom=True)
 MIN_POSITION = Register("min position limit", 52, 4, eeprom=True)
+STARTUP = Register("startup configuration", 60, 1, eeprom=True)
 SHUTDOWN = Register("shutdown", 63, 1, eeprom=True)
 TORQUE_ENABLE = Register("torque enable", 64, 1)
 STATUS_RETURN_LEVEL = Register("status return level", 68, 1)
 HARDWARE_ERROR = Register("hardware error status", 70, 1)
 BUS_WATCHDOG = Register("bus watchdog", 98, 1, signed=True)
+GOAL_PWM = Register("goal pwm", 100, 2, signed=True)
 GOAL_CURRENT = Register("goal current", 102, 2, signed=True)
 GOAL_VELOCITY = Register("goal velocity", 104, 4, signed=True)
 PROFILE_ACCELERATION = Register("profile acceleration", 108, 4)
@@ -66,6 +69,9 @@ PRESENT = Register("present current, velocity, position", 126, 10)
 
 INDIRECT_ADDRESS = 168
 """First of the 2-byte registers that say what appears at the indirect data, all X models."""
+
+FULL_PWM = 885
+"""PWM Limit(36) and Goal PWM(100) of the whole supply."""
 
 CURRENT_MODE = 0
 VELOCITY_MODE = 1
