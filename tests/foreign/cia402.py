@@ -85,6 +85,8 @@ class ForeignDrive:
         Indices that it does not have, and that cannot be written.
     eager : bool
         All of its PDOs are on when it boots.
+    unmappable : collection of int
+        Indices that no PDO can carry.
     pdos : int
         PDOs in each direction.
     """
@@ -99,9 +101,10 @@ class ForeignDrive:
         fixed: frozenset[int] = frozenset(),
         pdos: int = 4,
         eager: bool = False,
+        unmappable: frozenset[int] = frozenset(),
     ) -> None:
         self.number, self.pdos = number, pdos
-        self._fixed = fixed
+        self._fixed, self._unmappable = fixed, unmappable
         known = dict(OBJECTS) | _pdo_objects(number, pdos, eager)
         known[0x1014, 0] = ("u4", 0x80 + number)
         for key, value in (objects or {}).items():
@@ -219,6 +222,9 @@ class ForeignDrive:
     def _written(self, index: int, subindex: int, data: bytes, **rest: Any) -> None:
         signed = self.kinds[index, subindex][0] == "i"
         value = int.from_bytes(data, "little", signed=signed)
+        mapping = 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00
+        if mapping and subindex and value >> 16 in self._unmappable:
+            raise canopen.SdoAbortedError(0x06040041)
         self.written.append(((index, subindex), value))
         if (index, subindex, value) == (0x1010, 1, SAVE):
             self.stored = dict(self.values)
@@ -288,11 +294,12 @@ class ForeignDrive:
         return [(word >> 16, word >> 8 & 0xFF) for word in words]
 
     def _codec(self, keys: list[Key]) -> struct.Struct:
-        return struct.Struct("<" + "".join(LETTERS[self.kinds[key]] for key in keys))
+        return struct.Struct("<" + "".join(LETTERS[self.kinds.get(key, "u1")] for key in keys))
 
     def _apply(self, number: int, data: bytes) -> None:
         keys = self._mapped(0x1600 + number)
-        self.values |= dict(zip(keys, self._codec(keys).unpack_from(data), strict=True))
+        found = zip(keys, self._codec(keys).unpack_from(data), strict=True)
+        self.values |= {key: value for key, value in found if key[0] > 0x1F}
         if (0x6040, 0) in keys:
             self._control(self.value(0x6040))
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 from tautwave.contracts import AxisSpec
 from tautwave.types import AxisCommand, Fault, JointState
-from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1, mapping_of, sensor_entry
+from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1, Layout, mapping_of, sensor_entry
 from tautwave_drivers.canopen.options import CanopenOptions, Node, limit_permille, scale
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.entry import Entry
@@ -62,7 +61,6 @@ class Axis:
         self.label = f"{spec.name} (node {node.id})"
         self.borrowed: dict[Entry, int] = {}
         self.scale = scale(node, spec)
-        self.mapping = mapping_of(spec.causality, node)
         self.servo = spec.causality == "admittance"
         self.mode = Mode.CSV if self.servo else Mode.CST
         self.rate_hz = rate_hz
@@ -70,20 +68,11 @@ class Axis:
         self.machine = self.new_machine(None)
         self.rpdo_id = RPDO_1 + node.id
         self.tpdo_id = TPDO_1 + node.id
-        rpdo, tpdo = self.mapping
-        self.values = [0] * len(rpdo.entries)
-        self.pack: Callable[..., bytes] = rpdo.codec.pack
-        self._unpack = tpdo.codec.unpack_from
-        self._size = tpdo.size
-        self._mode_at = rpdo.at(o.MODE)
-        self._display_at = tpdo.at(o.MODE_DISPLAY)
-        self._torque_at = tpdo.at(o.TORQUE)
-        self.reports_motor = self._torque_at >= 0 and not self.servo
         sensor = node.effort_sensor
-        self._sensor_at = -1 if sensor is None else tpdo.at(sensor_entry(sensor))
         self._sensor_step = 0.0 if sensor is None else sensor.effort
         self._sensor_zero = 0 if sensor is None else sensor.zero
-        self.polls_mode = self._display_at < 0
+        self.map(*mapping_of(spec.causality, node))
+        self.reports_motor = self._torque_at >= 0 and not self.servo
         sign = node.direction
         self._position_step = sign * self.scale.encoder_quantum
         # 6077h is the motor's torque; what the outside applies to the device is its reaction.
@@ -95,6 +84,19 @@ class Axis:
         self.errors: list[Fault] = []
         self.identity: dict[str, str] = {}
         self.reset()
+
+    def map(self, rpdo: Layout, tpdo: Layout) -> None:
+        """Take the PDOs as the drive has them."""
+        self.values = [0] * len(rpdo.entries)
+        self.pack = rpdo.pack
+        self._unpack = tpdo.unpack
+        self._size = tpdo.size
+        self._mode_at = rpdo.at(o.MODE)
+        self._display_at = tpdo.at(o.MODE_DISPLAY)
+        self._torque_at = tpdo.at(o.TORQUE)
+        sensor = self.node.effort_sensor
+        self._sensor_at = -1 if sensor is None else tpdo.at(sensor_entry(sensor))
+        self.polls_mode = self._display_at < 0
 
     def new_machine(self, quick_stop_option: int | None) -> Machine:
         """Return a state machine at rest for this drive."""

@@ -17,6 +17,7 @@ from tautwave_drivers.canopen.options import files_of
 from tests.drivers.canopen.benches import driver_options
 from tests.drivers.canopen.foreign import Foreign, foreign
 from tests.drivers.canopen.test_eds import dcf, entry
+from tests.drivers.canopen.test_mapping import mapped
 from tests.foreign.cia402 import PRODUCT, VENDOR
 
 MAX_TORQUE, CONSUMER, DEADLINE = (0x6072, 0), (0x1016, 1), (0x1400, 5)
@@ -113,12 +114,13 @@ def test_what_is_temporary_is_never_stored(tmp_path: Path) -> None:
     assert [stored[key] for key in TEMPORARY] == [3000, 0, 0]
     assert (stored[WINDOW], stored[0x6007, 0], stored[0x1017, 0]) == (2000, 2, 20)
     (said,) = [note for note in rig.driver.notes if "settings stored" in note]
-    assert said.endswith("settings stored (1010:01): 6065:00, 60C2:01, 1017:00, 6007:00")
+    assert said.endswith(": 6065:00, 60C2:01, 1017:00, 6007:00, 1A00:00, 1600:00")
     assert [rig.drive.values[key] for key in TEMPORARY] == [3000, 0, 0]  # given back
 
 
 def test_nothing_that_lasts_changed_stores_nothing() -> None:
-    rig = foreign({(0x6007, 0): 2, (0x1017, 0): 20, (0x60C2, 1): 2}, configure=True)
+    held = mapped([0x60400010, 0x60710010, 0x60600008], [0x60410010, 0x60640020, 0x60610008])
+    rig = foreign(held | {(0x6007, 0): 2, (0x1017, 0): 20, (0x60C2, 1): 2}, configure=True)
     run_with_configure(rig)
     assert not rig.drive.stored
     assert any("nothing changed, nothing stored" in note for note in rig.driver.notes)

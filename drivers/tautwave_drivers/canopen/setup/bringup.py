@@ -20,7 +20,7 @@ from tautwave_drivers.canopen.files.belonging import (
 from tautwave_drivers.canopen.files.choosing import choose
 from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
-from tautwave_drivers.canopen.mapping import RPDO_1, RPDO_2, TPDO_1, Layout
+from tautwave_drivers.canopen.mapping import RPDO_1, RPDO_2, TPDO_1, Layout, mappings_of
 from tautwave_drivers.canopen.options import CanopenOptions, files_of
 from tautwave_drivers.canopen.setup.meaning import ZEROED, check_meaning
 from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
@@ -180,14 +180,20 @@ def _map(drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec) 
                 f"{drive.name} has no {pdo.timer.address}: without SYNC a drive has to send by its "
                 "event timer; use sync: true"
             )
-    notes.append(map_pdo(drive, pdo, "TPDO1", axis.tpdo_id, kind, axis.mapping.tpdo, timing))
+    wanted = mappings_of(axis.spec.causality, axis.node)
+    sent = list(dict.fromkeys(one.tpdo for one in wanted))
+    text, tpdo = map_pdo(drive, pdo, "TPDO1", axis.tpdo_id, kind, sent, timing)
+    notes.append(text)
     kind = SYNCHRONOUS if options.rpdo == "sync" else ON_EVENT
-    notes.append(map_pdo(drive, c.rpdo(1), "RPDO1", axis.rpdo_id, kind, axis.mapping.rpdo))
+    received = list(dict.fromkeys(one.rpdo for one in wanted))
+    text, rpdo = map_pdo(drive, c.rpdo(1), "RPDO1", axis.rpdo_id, kind, received)
+    notes.append(text)
+    axis.map(rpdo, tpdo)
     move = axis.node.move
     if move is not None and (move.mode == "csp" or not axis.servo):
         target = o.TARGET_POSITION if move.mode == "csp" else o.TARGET_VELOCITY
         can_id = RPDO_2 + axis.node.id
-        notes.append(map_pdo(drive, c.rpdo(2), "RPDO2", can_id, kind, Layout((target,))))
+        notes.append(map_pdo(drive, c.rpdo(2), "RPDO2", can_id, kind, [Layout((target,))])[0])
     return notes
 
 

@@ -6,11 +6,11 @@ to 0, its entries, the count, then make it valid.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 from tautwave.errors import DeviceFault
 from tautwave_drivers.canopen.bus.network import AbortError, RemoteDrive
-from tautwave_drivers.canopen.mapping import Layout
+from tautwave_drivers.canopen.mapping import Layout, as_held
 from tautwave_drivers.canopen.setup.settings import require
 from tautwave_drivers.cia402.communication import (
     COB_ID_INVALID,
@@ -24,6 +24,7 @@ from tautwave_drivers.cia402.entry import Entry
 _ID_BITS = 0x7FF
 MOST_PDOS, PDOS_OF_AN_AXIS = 512, 64
 """PDOs in each direction, and of each axis of a drive with several (CiA 402-1)."""
+MOST_MAPPED = 8
 PROBING_NS = 2_000_000_000
 _TYPES = {1: "on every SYNC", 255: "on event"}
 
@@ -34,12 +35,14 @@ def map_pdo(
     what: str,
     cob_id: int,
     kind: int,
-    layout: Layout,
+    layouts: Sequence[Layout],
     timing: Mapping[Entry, int] | None = None,
-) -> str:
-    """Write one PDO, read it back, and return the note about it.
+) -> tuple[str, Layout]:
+    """Set up one PDO; return the note about it, and its layout: the first that the drive takes.
 
-    `timing` are times of the PDO, where the drive has them: they too change only while it is off.
+    The mapping is read first. One that is as wanted is not written; one that cannot be written is
+    taken as it is where it has all objects. `timing` are times of the PDO, where the drive has
+    them: they too change only while it is off.
 
     Raises
     ------
@@ -49,10 +52,7 @@ def map_pdo(
     keep = drive.number(pdo.cob_id) & COB_ID_NO_RTR  # drives reject changes of it
     drive.write(pdo.cob_id, COB_ID_INVALID | keep | cob_id)
     drive.write(pdo.transmission, kind)
-    drive.write(pdo.mapped_count, 0)
-    for number, entry in enumerate(layout.entries, 1):
-        drive.write(pdo.mapped(number), entry.mapping)
-    drive.write(pdo.mapped_count, len(layout.entries))
+    layout, how = _map(drive, pdo, what, layouts)
     for entry, value in (timing or {}).items():
         require(
             drive, entry, value, "the drive would not send in every cycle; set it with its tool"
@@ -60,13 +60,50 @@ def map_pdo(
     drive.write(pdo.cob_id, keep | cob_id)
     _compare(drive, pdo.cob_id, cob_id, mask=COB_ID_INVALID | _ID_BITS)
     _compare(drive, pdo.transmission, kind)
-    _compare(drive, pdo.mapped_count, len(layout.entries))
-    for number, entry in enumerate(layout.entries, 1):
-        _compare(drive, pdo.mapped(number), entry.mapping)
-    return (
-        f"{drive.name}: {what} 0x{cob_id:03X} {_TYPES[kind]}: {layout.text()}; "
-        "written and read back"
+    text = f"{drive.name}: {what} 0x{cob_id:03X} {_TYPES[kind]}: {layout.text()}; {how}"
+    return text, layout
+
+
+def _map(
+    drive: RemoteDrive, pdo: PdoEntries, what: str, layouts: Sequence[Layout]
+) -> tuple[Layout, str]:
+    """Map the first layout that the drive takes; return it and how it came to be."""
+    held = _mapped(drive, pdo)
+    refusals: list[AbortError] = []
+    for layout in layouts:
+        less = f" (lean: {refusals[0]})" if refusals else ""
+        if held == layout.words:
+            return layout, f"already so{less}"
+        try:
+            drive.write(pdo.mapped_count, 0)
+            for number, entry in enumerate(layout.entries, 1):
+                drive.write(pdo.mapped(number), entry.mapping)
+            drive.write(pdo.mapped_count, len(layout.entries))
+        except AbortError as err:
+            refusals.append(err)
+            before, held = held, _mapped(drive, pdo)
+            as_it_is = as_held(layout, held, sent=pdo.cob_id.index >= 0x1800)
+            if as_it_is is not None and held == before:
+                return as_it_is, f"as the drive has it fixed{less}"
+            continue
+        _compare(drive, pdo.mapped_count, len(layout.entries))
+        for number, entry in enumerate(layout.entries, 1):
+            _compare(drive, pdo.mapped(number), entry.mapping)
+        drive.changed.append(pdo.mapped_count.address)
+        return layout, f"written and read back{less}"
+    tried = "; nor as ".join(layout.text() for layout in layouts)
+    has = ", ".join(f"{word:08X}" for word in held) or "nothing"
+    raise DeviceFault(
+        f"{drive.name}: {what} cannot be mapped as {tried}: {refusals[-1]}; it has {has} "
+        f"({pdo.mapped_count.address})"
     )
+
+
+def _mapped(drive: RemoteDrive, pdo: PdoEntries) -> list[int]:
+    """Return the mapping entries that the drive holds."""
+    count = drive.find(pdo.mapped_count) or 0
+    found = [drive.find(pdo.mapped(number)) for number in range(1, min(count, MOST_MAPPED) + 1)]
+    return [word for word in found if word is not None]
 
 
 def _compare(drive: RemoteDrive, entry: Entry, wanted: int, mask: int = -1) -> None:
