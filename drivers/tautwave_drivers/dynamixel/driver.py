@@ -22,13 +22,12 @@ from tautwave_drivers.dynamixel.bringup import Bringup, Limits, watchdog_units
 from tautwave_drivers.dynamixel.enabling import Enabling
 from tautwave_drivers.dynamixel.exchange import Exchange, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
+from tautwave_drivers.dynamixel.leaving import leave, leave_again, torque_packet
 from tautwave_drivers.dynamixel.line.ftdi import set_latency_timer
 from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos
-from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.indirect import map_status_block
-from tautwave_drivers.dynamixel.protocol.messages import status_text
 from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of
 from tautwave_drivers.dynamixel.staging import Staging
 from tautwave_drivers.dynamixel.state import FORGETS_NS
@@ -223,7 +222,7 @@ class DynamixelDriver:
                 self._clock,
                 self._servos,
                 self._bus,
-                lambda ids: self._torque(1, ids),
+                lambda ids: torque_packet(1, ids),
                 self._staging.packet(),  # zero since they were made
                 round(KEEP_ALIVE_SHARE * self._watchdog_ns),
                 self._armed,
@@ -345,32 +344,19 @@ class DynamixelDriver:
         # Until each says that it is off: whatever happens here, what is not known is kept.
         why = self._lost or "torque off was not sent"
         self.unconfirmed = dict.fromkeys((servo.axis.name for servo in self._servos), why)
-        if self._lost:
-            return
-        self._staging.zero()
-        try:
-            port.write(self._staging.packet() + self._torque(0, self._ids))
-            for servo in self._servos:
-                self._switch_off(servo)
-        except DriverError as err:
-            self.unconfirmed = dict.fromkeys(self.unconfirmed, str(err))
-
-    def _switch_off(self, servo: Servo) -> None:
-        """Verify that a servo's torque is off, then disarm its watchdog; else that stops it."""
-        device_id = servo.options.id
-        response = self._line.write(device_id, reg.TORQUE_ENABLE.address, b"\x00")
-        if response is not None and not response.number:
-            del self.unconfirmed[servo.axis.name]
-            if servo.axis.name in self.watchdog_s:
-                self._line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
-            return
-        why = "no answer" if response is None else status_text(response.error)
-        self.unconfirmed[servo.axis.name] = f"servo {device_id} did not confirm torque off: {why}"
+        if not self._lost:
+            self._staging.zero()
+            goals = self._staging.packet()
+            self.unconfirmed = leave(port, self._line, goals, self._servos, self.watchdog_s)
 
     def close(self) -> None:
-        """Disable and release the line; idempotent, never raises."""
+        """Disable, try again who did not confirm it, release the line; idempotent, never raises."""
         try:
             self.disable()
+            if self._port is not None and self.unconfirmed:
+                self.unconfirmed = leave_again(
+                    self._clock, self._reconnect, self._servos, self.watchdog_s, self.unconfirmed
+                )
         except Exception as err:  # noqa: BLE001  everything has to be released
             self.notes.append(f"bus {self._bus.name}: closing: {err}")
         self._on = False
@@ -379,11 +365,17 @@ class DynamixelDriver:
         if port is not None and self._transport is None:
             port.close()
 
-    # -- parts ------------------------------------------------------------------------------
+    def _reconnect(self) -> tuple[BytePort, Line]:
+        """Return the line, opened anew if it was lost."""
+        if self._lost and self._transport is None and self._port is not None:
+            self._port.close()
+            self._port = self._open_port()
+            options = self._options
+            self._line = PacketLine(self._port, self._clock, options.baud, options.latency_s)
+        assert self._port is not None
+        return self._port, self._line
 
-    def _torque(self, on: int, ids: Sequence[int]) -> bytes:
-        pairs = [(device_id, bytes((on,))) for device_id in ids]
-        return packet.sync_write_packet(reg.TORQUE_ENABLE.address, 1, pairs)
+    # -- parts ------------------------------------------------------------------------------
 
     def _lose(self, err: DriverError) -> None:
         """Report once that the line is lost; the loop then stops passively."""

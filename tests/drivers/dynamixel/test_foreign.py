@@ -10,6 +10,7 @@ import pytest
 from tautwave.clock import FakeClock
 from tautwave.errors import DeviceFault, DriverError
 from tautwave.types import AxisCommand, Fault, JointState
+from tautwave_drivers.dynamixel import driver as driver_module
 from tautwave_drivers.dynamixel.plugin import plugin
 from tests.drivers.dynamixel.parts import block, bus_of, servo, spec
 from tests.foreign import servo_line
@@ -314,3 +315,96 @@ def test_on_a_slow_bus_the_reads_in_each_period_are_in_the_budget() -> None:
     assert "2 x 0.080 ms to read that none did" in slow.arithmetic
     block_of = options.model_copy(update={"status_block": True})
     assert "none did" not in plugin.budget(block_of, bus._replace(rate_hz=40.0)).arithmetic
+
+
+# -- leaving ---------------------------------------------------------------------------------
+
+
+def running() -> Rig:
+    made = rig()
+    made.enable()
+    for _ in range(20):
+        made.cycle()
+    return made
+
+
+def test_a_servo_that_says_it_is_still_on_is_not_taken_for_off() -> None:
+    made = running()
+    stubborn = made.line.servos[1]
+    write = stubborn.write
+    stubborn.write = lambda at, data: 0 if at == servo_line.TORQUE else write(at, data)  # type: ignore[method-assign]
+    made.driver.close()
+    assert made.driver.unconfirmed == {
+        "master.a2": "servo 2 did not confirm torque off: torque enable(64) still reads 1"
+    }
+    assert stubborn.get(servo_line.WATCHDOG, 1) == 5, "it stays armed"
+    assert not made.line.servos[0].get(servo_line.TORQUE, 1)
+
+
+def test_a_servo_that_is_back_within_half_a_second_is_told_again() -> None:
+    made = running()
+    victim = made.line.servos[1]
+    victim.deaf = True
+    back_ns = made.clock.now_ns() + 350 * MS
+
+    def listen(now_ns: int) -> None:
+        victim.deaf = now_ns < back_ns
+
+    made.driver.disable()
+    assert "no answer" in made.driver.unconfirmed["master.a2"]
+    made.line.on_advance = listen
+    made.driver.close()
+    assert made.driver.unconfirmed == {}
+    assert_safe(made)
+
+
+def test_the_second_try_ends_after_half_a_second() -> None:
+    made = running()
+    for each in made.line.servos:
+        each.deaf = True
+    made.driver.disable()
+    began = made.clock.now_ns()
+    made.driver.close()
+    assert made.clock.now_ns() - began < 700 * MS
+    assert list(made.driver.unconfirmed) == ["master.a1", "master.a2"]
+
+
+class Adapter:
+    """A serial port to a line, until it is pulled out."""
+
+    def __init__(self, line: ServoLine) -> None:
+        self._line = line
+        self.gone = False
+
+    def __getattr__(self, name: str) -> Any:
+        if self.gone and name in ("write", "read"):
+            raise DriverError("/dev/ttyUSB0: the adapter was unplugged")
+        return getattr(self._line, name)
+
+
+def test_a_port_that_was_lost_is_opened_anew_for_torque_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    base = rig()
+    adapters: list[Adapter] = []
+
+    def open_port(path: str, baud: int) -> Adapter:
+        adapters.append(Adapter(base.line))
+        return adapters[-1]
+
+    monkeypatch.setattr(driver_module, "SerialPort", open_port)
+    options = plugin.options.model_validate(block(servo(1), servo(2), port="/dev/ttyUSB0"))
+    driver = plugin.make(options, base.driver._bus, base.clock, None)
+    made = base._replace(driver=driver)
+    made.enable()
+    for _ in range(20):
+        made.cycle()
+    adapters[0].gone = True
+    _, faults = made.cycle()
+    assert faults[0].fatal
+    driver.disable()
+    assert list(driver.unconfirmed) == ["master.a1", "master.a2"]
+    driver.close()
+    assert len(adapters) == 2
+    assert driver.unconfirmed == {}
+    assert_safe(made)

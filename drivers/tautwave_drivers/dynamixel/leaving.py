@@ -1,0 +1,85 @@
+"""Switching servos off: what ended is judged by what each servo says, not by what was sent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+from tautwave.contracts import BytePort, Clock
+from tautwave.errors import DriverError
+from tautwave_drivers.dynamixel.line.transactions import Line
+from tautwave_drivers.dynamixel.options import Servo
+from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.messages import status_text
+
+AGAIN_NS, PAUSE_NS = 500_000_000, 50_000_000
+"""How long the second try may take, for all servos together, and the pause in between."""
+
+
+def torque_packet(on: int, ids: Sequence[int]) -> bytes:
+    """Return the sync write that switches torque of these servos on or off."""
+    pairs = [(device_id, bytes((on,))) for device_id in ids]
+    return packet.sync_write_packet(reg.TORQUE_ENABLE.address, 1, pairs)
+
+
+def leave(
+    port: BytePort, line: Line, goals: bytes, servos: Sequence[Servo], watched: Collection[str]
+) -> dict[str, str]:
+    """Send `goals` and torque off to all at once; return by axis who did not confirm it, and why.
+
+    The bus watchdog of a servo that is off is disarmed, if it is `watched`; else it stops it.
+    """
+    names = [servo.axis.name for servo in servos]
+    doubtful = {}
+    try:
+        port.write(goals + torque_packet(0, [servo.options.id for servo in servos]))
+        for name, servo in zip(names, servos, strict=True):
+            why = _switch_off(line, servo.options.id, watched=name in watched)
+            if why:
+                text = f"servo {servo.options.id} did not confirm torque off: {why}"
+                doubtful[name] = text
+            names = names[1:]
+    except DriverError as err:
+        doubtful |= dict.fromkeys(names, str(err))
+    return doubtful
+
+
+def leave_again(
+    clock: Clock,
+    connect: Callable[[], tuple[BytePort, Line]],
+    servos: Sequence[Servo],
+    watched: Collection[str],
+    doubtful: Mapping[str, str],
+) -> dict[str, str]:
+    """Try again, on a line that `connect` opens anew where it is lost; return who is left."""
+    left = dict(doubtful)
+    until = clock.now_ns() + AGAIN_NS
+    while True:
+        asked = [servo for servo in servos if servo.axis.name in left]
+        try:
+            port, line = connect()
+        except DriverError as err:
+            left |= dict.fromkeys((servo.axis.name for servo in asked), str(err))
+        else:
+            found = leave(port, line, b"", asked, watched)
+            left = {name: why for name, why in left.items() if name in found} | found
+        now = clock.now_ns()
+        if not left or now + PAUSE_NS >= until:
+            return left
+        clock.sleep_until(now + PAUSE_NS)
+
+
+def _switch_off(line: Line, device_id: int, *, watched: bool) -> str:
+    """Switch one servo off; return why it is not known to be, '' if it is."""
+    register = reg.TORQUE_ENABLE
+    response = line.write(device_id, register.address, b"\x00")
+    if response is None or response.number:
+        return "no answer" if response is None else status_text(response.error)
+    found = line.read(device_id, register.address, register.size)
+    if found is None or found.number or not found.data:
+        return "no answer" if found is None else status_text(found.error)
+    if found.data[0]:
+        return f"{register.name}({register.address}) still reads {found.data[0]}"
+    if watched:
+        line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
+    return ""
