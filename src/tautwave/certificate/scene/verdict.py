@@ -26,6 +26,7 @@ from tautwave.certificate.data import (
     Verdict,
     join_verdicts,
 )
+from tautwave.certificate.scene.clipping import clip_condition, clipping_elements
 from tautwave.certificate.scene.closed import (
     SPLIT,
     STABLE,
@@ -89,7 +90,9 @@ def scene_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Ele
     curved = _curved(network, hold_limit(rig, network.ports))
     yield _network(network, curved, tuned_scene(rig, prune(whole_network(rig)).network))
     for name in network.ports:
-        yield _port(rig, network, name, delays[f"master.{name}"], curved)
+        asked = (*curved, *clip_condition(network, f"master.{name}"))
+        yield _port(rig, network, name, delays[f"master.{name}"], asked)
+    yield from clipping_elements(rig, network, delays)
 
 
 def scene_loops(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[PairLoop]:
