@@ -116,6 +116,8 @@ class ForeignDrive:
         self.state = "disabled"
         self.angle = self.speed = self.torque = 0.0
         self.inertia, self.damping = 1.5e-3, 3.0e-3
+        self.unit_of_rated = 1e-3
+        """[N m] of one in 6076h."""
         self.held = False
         """Somebody holds the shaft."""
         self.mute_of = self._muted = 0
@@ -198,7 +200,12 @@ class ForeignDrive:
         low = min(most, self.value(0x60E1, 0, 0xFFFF))
         current = 1.0 if self.value(0x6075, 0, 1) else 0.0
         fast = abs(self.speed) > self.value(0x6080, 0, 1 << 31) / 60.0 * math.tau
-        return 0.0 if fast else max(-low, min(high, value)) * 1e-6 * self.value(0x6076) * current
+        return 0.0 if fast else max(-low, min(high, value)) * 1e-3 * self.rated_torque * current
+
+    @property
+    def rated_torque(self) -> float:
+        """[N m] What 1000 per mille is."""
+        return self.value(0x6076) * self.unit_of_rated
 
     # -- objects ------------------------------------------------------------------------------
 
@@ -216,7 +223,7 @@ class ForeignDrive:
         if index == 0x6064:
             return self.counts()
         if index == 0x6077:
-            return round(self.torque * 1e6 / max(self.value(0x6076), 1))
+            return round(self.torque * 1e3 / max(self.rated_torque, 1e-9))
         return self.values[index, sub]
 
     def _written(self, index: int, subindex: int, data: bytes, **rest: Any) -> None:

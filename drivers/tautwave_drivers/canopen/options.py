@@ -89,8 +89,10 @@ class Node(Block):
     id: NodeId
     rated_torque: Positive
     """[N m] at the motor shaft (rated force of a linear motor [N]): 1000 per mille of 6071h."""
-    rated_torque_unit: Literal["mN m", "uN m"] | None = None
+    rated_torque_unit: Literal["mN m", "uN m", "mA"] | None = None
     """Unit of 6076h; mN m without it, uN m on maxon's drives."""
+    torque_constant: Positive | None = None
+    """[N m/A] of the motor, where 6076h is a current."""
     counts_per_revolution: Annotated[int, Field(gt=0, le=0xFFFF_FFFF)]
     """Position counts (6064h) per motor turn, after quadrature."""
     gear_ratio: Annotated[float, Field(ge=1e-3, le=1e6)] = 1.0
@@ -238,6 +240,12 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
             problems.append(
                 f"bus {bus.name}: {axis.name} is rotary, but node {found.id} has a feed; "
                 "remove it, or make the axis linear"
+            )
+        elif (found.rated_torque_unit == "mA") != (found.torque_constant is not None):
+            problems.append(
+                f"bus {bus.name}: node {found.id}: rated_torque_unit: mA and torque_constant "
+                "[N m/A] go together: 6076h is then a current, compared times that constant; state "
+                "both or none"
             )
         elif found.dcf_include and found.eds is None:
             problems.append(

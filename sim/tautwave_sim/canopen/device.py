@@ -98,6 +98,8 @@ class Device:
             and node.identity is not None
             and node.identity.vendor == MAXON
         )  # mN m by the standard, uN m on an EPOS4
+        if node.torque_constant is not None:
+            milli /= node.torque_constant  # a current, in mA
         rated = max(1, round(1e3 * milli if micro else milli))
         turn = round(node.counts_per_revolution * node.gear_ratio)
         for index, sub, value in (

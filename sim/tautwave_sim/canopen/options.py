@@ -115,6 +115,7 @@ class NodeKeys(_Shared):
     id: NodeId
     rated_torque: Positive
     rated_torque_unit: str | None = None
+    torque_constant: Positive | None = None
     counts_per_revolution: Annotated[int, Field(gt=0)]
     gear_ratio: Positive = 1.0
     feed: Positive | None = None

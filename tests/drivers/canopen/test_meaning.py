@@ -11,8 +11,9 @@ import re
 
 import pytest
 
-from tautwave.errors import DriverError
+from tautwave.errors import ConfigError, DriverError
 from tautwave_drivers.canopen.setup.meaning import TABLE
+from tests.drivers.canopen.benches import block, make, node
 from tests.drivers.canopen.foreign import Foreign, foreign, remedies
 from tests.foreign.cia402 import ForeignDrive, Key
 
@@ -190,3 +191,48 @@ def test_a_velocity_unit_of_increments_is_one_count_per_second() -> None:
     said = foreign(case, causality="admittance", first={"velocity_factor": 7.0}).refused()
     assert "one unit is 1 counts/s, but the rig states velocity_factor 7" in said
     measured_rightly(foreign(case, causality="admittance"), "admittance")
+
+
+@pytest.mark.parametrize(
+    ("held", "unit", "stated"),
+    [
+        (500, 1e-3, {}),
+        (500_000, 1e-6, {"rated_torque_unit": "uN m"}),
+        (6000, 1e-3 / 12.0, {"rated_torque_unit": "mA", "torque_constant": 1.0 / 12.0}),
+    ],
+)
+def test_a_rated_torque_in_another_unit_is_stated_and_right(
+    held: int, unit: float, stated: dict[str, object]
+) -> None:
+    rig = foreign({(0x6076, 0): held}, first=stated)
+    rig.drive.unit_of_rated = unit
+    measured_rightly(rig, "impedance")
+    if stated:
+        said = foreign({(0x6076, 0): held}).refused()
+        assert "rated_torque_unit (mN m, uN m, or mA with the motor's torque_constant) if" in said
+        assert f"that is {held * 1e-3:g} N m, counted in mN m, but the rig states 0.5" in said
+
+
+def test_a_rated_torque_of_0_is_set_in_the_drive_not_in_the_rig() -> None:
+    for unit, wanted in (({}, 500), ({"rated_torque_unit": "mA", "torque_constant": 0.1}, 5000)):
+        said = foreign({(0x6076, 0): 0}, first=unit).refused()
+        assert f"the drive does not know its motor; set it to {wanted} (" in said
+        assert "with the motor's other data" in said
+        assert not remedies(said)
+        measured = foreign({(0x6076, 0): wanted}, first=unit)
+        measured.drive.unit_of_rated = 0.5 / wanted
+        measured_rightly(measured, "impedance")
+
+
+@pytest.mark.parametrize("first", [{"rated_torque_unit": "mA"}, {"torque_constant": 0.1}])
+def test_a_current_needs_the_constant_and_the_constant_a_current(first: dict[str, object]) -> None:
+    with pytest.raises(ConfigError, match=r"rated_torque_unit: mA and torque_constant .* together"):
+        foreign(first=first)
+
+
+def test_a_simulated_drive_states_its_rated_torque_as_a_current_where_the_rig_has_it_so() -> None:
+    unit = {"rated_torque_unit": "mA", "torque_constant": 0.05}
+    rig = make(block(node(1, **unit)), ("impedance",))
+    assert rig.devices()[0].objects.number(0x6076) == 10_000
+    rig.open_and_enable()
+    rig.driver.close()

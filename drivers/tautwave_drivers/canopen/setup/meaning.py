@@ -308,7 +308,9 @@ def rated_unit(axis: Axis) -> tuple[str, float]:
     stated = axis.node.rated_torque_unit
     if stated is None:
         stated = "uN m" if axis.identity.get("vendor") == f"0x{MAXON:X}" else "mN m"
-    return stated, {"mN m": MILLI, "uN m": MICRO}[stated]
+    return stated, {"uN m": MICRO, "mA": MILLI * (axis.node.torque_constant or 1.0)}.get(
+        stated, MILLI
+    )
 
 
 def _rated_torque(read: Read, axis: Axis) -> Verdict:
@@ -327,7 +329,8 @@ def _rated_torque(read: Read, axis: Axis) -> Verdict:
     return Verdict(
         f"that is {rated * unit:g} N m, counted in {name}, but the rig states {said:g} N m; state "
         f"rated_torque: {rated * unit:g} in the rig if that is the motor's, or rated_torque_unit "
-        f"if the drive counts in another, or set 6076h to {round(said / unit)} {TOOL}"
+        "(mN m, uN m, or mA with the motor's torque_constant) if the drive counts in another, or "
+        f"set 6076h to {round(said / unit)} {TOOL}"
     )
 
 
