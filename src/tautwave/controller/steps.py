@@ -166,7 +166,7 @@ class Guard(NamedTuple):
     """A coupling's reason to stop: a word for programs, and the rest of a sentence.
 
     Such as `port_overdrawn` and `drew more energy than its port had`, before the time; `detail`
-    comes after it. Both may name the axis' `found` and `allowed`.
+    comes after it. Both may name the axis' `found` and `allowed`, and `effort`, the unit of one.
     """
 
     word: str

@@ -127,16 +127,16 @@ def stop_error(
     if o.kind == BROKEN:
         return SafetyStop(broken_sentence(axis, unit, o.first, o.second))
     limit = p.site.limit
-    law = with_numbers(law, o.found, o.allowed)
+    law = with_numbers(law, o.found, o.allowed, _effort(unit))
     return SafetyStop(guard_sentence(axis, o.code, unit, limit, o.first, o.second, time_s, law))
 
 
-def with_numbers(law: Law, found: float, allowed: float) -> Law:
-    """Return a law whose sentences have the numbers of a stop."""
+def with_numbers(law: Law, found: float, allowed: float, effort: str) -> Law:
+    """Return a law whose sentences have the numbers of a stop, and the unit of an effort."""
+    numbers = {"found": found, "allowed": allowed, "effort": effort}
     named = {
         code: guard._replace(
-            sentence=guard.sentence.format(found=found, allowed=allowed),
-            detail=guard.detail.format(found=found, allowed=allowed),
+            sentence=guard.sentence.format(**numbers), detail=guard.detail.format(**numbers)
         )
         for code, guard in law.guards.items()
     }

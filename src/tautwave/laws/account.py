@@ -58,6 +58,12 @@ SENT_SHARE = 0.2
 """Of what stands above its mark, the share that an end sends per period."""
 
 
+HELD_SHARE = 0.1
+"""Of the effort that a law asks for in a second, what an end that holds lets through at least."""
+
+PATIENCE = 2
+"""Seconds in succession in which it lets less through, after which it has let go."""
+
 COMMANDS_UNDER_WAY = 3.0
 """Each command under way may plan to give this share's inverse, over their number, of the funds:
 each sees an account that the others have not yet drawn on. Below e, the account could go negative.
@@ -75,7 +81,8 @@ class AccountParams(NamedTuple):
     give, less than 1 where others are on their way; level_damping, 0 at a follower, and edge
     [N m s/rad or N s/m]; quantum [N m or N] of the drive. `friction` [N m or N], whole from `slip`
     [rad/s or m/s] on, and `drag` [N m s/rad or N s/m] of the level control on a velocity that is
-    smoothed with the gain `smoothing` [1].
+    smoothed with the gain `smoothing` [1]. Over each `window`, the periods of a second, a law that
+    asks for less than `felt` [N m or N] on average does not press.
     """
 
     reserve: float
@@ -96,6 +103,8 @@ class AccountParams(NamedTuple):
     drag: float = 0.0
     smoothing: float = 1.0
     enough: float = 1.0
+    window: int = 1000
+    felt: float = 0.0
 
 
 def planned_share(late: int) -> float:
@@ -133,6 +142,16 @@ def gate_bounds(
     if coast > 0.0:
         return -given, given + taken
     return taken - given, given
+
+
+def lets_go(p: AccountParams, asked: float, passed: float) -> bool:
+    """Return whether an end lets go of what its law presses with.
+
+    `asked` and `passed` [N m or N]: sums over a window of the sizes of what the law asked for and
+    of what the account let through. A full account lets all of it through, an empty one nothing
+    that may give.
+    """
+    return asked > p.window * p.felt and passed < HELD_SHARE * asked
 
 
 def level_missing(far_level: float) -> float:

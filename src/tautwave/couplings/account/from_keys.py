@@ -137,6 +137,8 @@ def account_params(
         edge=edge,
         quantum=1.001 * axis.effort_quantum + 1e-12,
         enough=1.0 if leads else LEADER_SHARE,
+        window=round(1.0 / axis.period),
+        felt=max(axis.coulomb, LEAST_SHARE * axis.effort_limit),
         **resistance,
     )
 

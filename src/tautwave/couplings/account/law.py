@@ -23,7 +23,13 @@ GUARDS = {
         "supplied more energy than its account allows",
         "it is {found:.3g} J in debt (limit {allowed:.3g} J); check position_noise, "
         "inertia.lower, and whether effort_rate_limit holds an effort too long",
-    )
+    ),
+    own.ACCOUNT_EMPTY: Guard(
+        "account_empty",
+        "lost its coupling",
+        "its energy account is empty and it let go of {found:.3g} {effort} that its law presses "
+        "with; motion of the hand refills it, and law wave holds without any",
+    ),
 }
 
 INF = math.inf

@@ -13,7 +13,9 @@ class AccountEnd:
     reported, a share of full; `sent` all credit ever sent, `counter` the far one's as last received
     [J, pair's]; `taken` what came of it; `work` what the law took from the device; `spilled` from a
     full tank, `granted` for noise. `passed` is the last effort let through [N m or N], `due` what
-    noise takes from it [J]; `smooth` the device's velocity, smoothed [rad/s or m/s].
+    noise takes from it [J]; `smooth` the device's velocity, smoothed [rad/s or m/s]. In this second
+    so far `watched` efforts, their sizes as `asked` for and as they were `let` through [N m or N],
+    and the seconds before it in which the end `lost` its hold.
     """
 
     funds: float = 0.0
@@ -28,6 +30,10 @@ class AccountEnd:
     due: float = 0.0
     passed: float = 0.0
     smooth: float = 0.0
+    asked: float = 0.0
+    let: float = 0.0
+    watched: int = 0
+    lost: int = 0
 
 
 @dataclass(slots=True)

@@ -18,17 +18,22 @@ from tautwave.controller.steps import (
     no_start,
 )
 from tautwave.laws.account import (
+    PATIENCE,
     brake_effort,
     close_account,
     credit_due,
     credit_received,
     gate_bounds,
+    lets_go,
     level_friction,
     level_missing,
 )
 
 ACCOUNT_OVERDRAWN = OWN_GUARDS + 50
 """Guard: more was given than the account may owe."""
+
+ACCOUNT_EMPTY = OWN_GUARDS + 51
+"""Guard: too little is left to hold what the law presses with."""
 
 RINGS = 4
 """Places of the line of credits per slot of delay: a counter and a level each way."""
@@ -78,6 +83,10 @@ def start_account(s: AxisState, p: AxisParams) -> None:
     e.smooth = 0.0
     e.spilled = 0.0
     e.granted = 0.0
+    e.asked = 0.0
+    e.let = 0.0
+    e.watched = 0
+    e.lost = 0
 
 
 def start(
@@ -293,6 +302,7 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     e.smooth += k.smoothing * (coast - e.smooth)
     wanted += missing * (k.level_damping * coast + level_friction(k, e.smooth))
     due = k.income * law_share(s, p) + missing * k.level_income
+    asked = wanted
     low, high = gate_bounds(k, k.share * e.funds, coast, p.site.half_mobility, p.site.period)
     if wanted < low:
         wanted = low
@@ -306,7 +316,29 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
             due = k.edge_income
     e.due = due
     e.passed = wanted
+    watch_hold(s, p, asked, wanted)
     return wanted
+
+
+def watch_hold(s: AxisState, p: AxisParams, asked: float, passed: float) -> None:
+    """Look whether the account holds what the law presses with; stop where it has let go."""
+    e = s.end.account
+    k = p.end.account
+    e.asked += math.fabs(asked)
+    e.let += math.fabs(passed)
+    e.watched += 1
+    if e.watched < k.window:
+        return
+    e.lost += 1
+    if not lets_go(k, e.asked, e.let):
+        e.lost = 0
+    if e.lost >= PATIENCE and s.alarm == 0:
+        s.alarm = ACCOUNT_EMPTY
+        s.found = (e.asked - e.let) / k.window
+        s.allowed = k.felt
+    e.asked = 0.0
+    e.let = 0.0
+    e.watched = 0
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:

@@ -1,0 +1,131 @@
+"""An account that is empty lets go of what its law presses with: the run ends, and says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tautwave.config import Rig
+from tautwave.contracts import Row
+from tautwave.errors import SafetyStop
+from tautwave.laws.account import AccountParams, lets_go
+from tautwave.rig import Assembly, build_rig
+from tautwave.runtime.control import Control
+from tautwave.runtime.loop import Loop
+from tautwave.runtime.operate import states as st
+from tautwave.runtime.operate.commands import Script
+from tautwave.runtime.operate.operated import OperatedControl
+from tautwave.session.operating import with_operation
+from tests.rigs.running import ListSink, Run, Tree, rig_of, tree
+from tests.session.sites import Pair
+
+EMPTIED = 120
+"""Slot from which the follower's account is emptied in every cycle."""
+
+LAWS: dict[str, Tree] = {
+    "position": {"stiffness": 400.0, "damping": 5.0},
+    "four_channel": {"stiffness": 400.0, "damping": 5.0},
+    "position_force": {"stiffness": 400.0, "damping": 5.0},
+}
+EMPTY = "its energy account is empty and it let go of "
+P = AccountParams(*(0.0,) * 8, edge_income=0.0, share=1.0, level_damping=0.0, edge=0.0, quantum=0.0,
+                  window=100, felt=0.5)  # fmt: skip
+
+
+LATER: Tree = {
+    "duration_s": 5.3,
+    "simulation.hand.a.reference.waypoints": [[1.02, 0.0], [1.2, 0.1]],
+}
+"""An operated rig engages first."""
+
+
+class Drain:
+    """A row source without columns: it takes from an account what is in it, as noise would."""
+
+    columns: tuple[str, ...] = ()
+
+    def __init__(self, control: Control, which: int, after: int) -> None:
+        self.control, self.which, self.left = control, which, after
+
+    def fill(self, row: Row, at: int) -> None:
+        """Empty it, once the axis presses."""
+        self.left -= 1
+        if self.left <= 0:
+            self.control.axes[self.which].end.account.funds = 0.0
+
+
+def drained(rig: Rig, built: Assembly, after: int = EMPTIED) -> Run:
+    """Run what was built while the slave's account is drained."""
+    which = list(rig.axes).index("slave.a")
+    sources = (*built.sources, Drain(built.control, which, after))
+    sink = ListSink(len(built.columns))
+    result = Loop(built.clock, built.buses, built.control, sources, sink).run()
+    return Run(list(built.columns), np.array(sink.rows), result, built, None)  # type: ignore[arg-type]
+
+
+def pressing(law: str = "position", *changes: Tree) -> Tree:
+    """Return a hand that goes to 0.1 m in 0.2 s and rests, and a spring that holds the slave."""
+    data = tree(
+        {
+            "duration_s": 4.3,
+            "rate_hz": 200.0,
+            "simulation.hand.a": {
+                "reference": {"type": "minimum_jerk", "waypoints": [[0.02, 0.0], [0.2, 0.1]]}
+            },
+            "simulation.environment.a": {"type": "spring", "stiffness": 400.0, "position": 0.0},
+        },
+        *changes,
+    )
+    for side in ("master", "slave"):
+        data[side]["axes"]["a"]["effort_rate_limit"] = 1e5
+    data["coupling"].update(law=law, account={})
+    data["coupling"]["pairs"] = {"a": LAWS[law]}
+    return data
+
+
+def test_a_second_that_lets_through_a_tenth_of_a_press_is_lost() -> None:
+    assert lets_go(P, 100 * 2.0, 100 * 0.19)
+    assert not lets_go(P, 100 * 2.0, 100 * 0.21)
+    assert not lets_go(P, 100 * 0.49, 0.0)  # nobody felt that
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_an_axis_that_let_go_ends_the_run(law: str) -> None:
+    rig = rig_of(pressing(law))
+    run = drained(rig, build_rig(rig, clock="fake"))
+    assert isinstance(run.result.error, SafetyStop)
+    assert run.result.stop is not None
+    assert (run.result.stop.axis, run.result.stop.reason) == ("slave.a", "account_empty")
+    assert 2.9 < run.result.stop.at_s < 4.1  # whole seconds after that in which it was emptied
+    assert f": {EMPTY}" in str(run.result.error)
+    assert " N that its law presses with" in str(run.result.error)
+
+
+def test_an_operated_rig_holds_and_says_so() -> None:
+    rig = rig_of(pressing("position", {"operate": {"start": "engaged"}, **LATER}))
+    built = with_operation(rig, build_rig(rig, clock="fake"), [Script(())], [])
+    run = drained(rig, built, EMPTIED + 200)
+    assert run.result.error is None
+    control = built.control
+    assert isinstance(control, OperatedControl)
+    assert control.standing == st.Standing(st.HOLDING, True)
+    assert EMPTY in control.journal.entries[-1].text
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_a_site_whose_account_is_empty_ends_with_that_reason() -> None:
+    two = Pair(
+        "coupling={law: position, account: {}, pairs: {lever: {stiffness: 8, damping: 0.05}}}",
+        "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0.3, 0], [0.6, 0.2]]}",
+    )
+    try:
+        (which,) = two.slave.control._own
+        while two.slot < 5000 and two.slave.control.end > two.slot:
+            two.run(1)
+            if two.slot > 1000:
+                two.slave.control.axes[which].end.account.funds = 0.0
+        assert EMPTY in str(two.slave.control.error())
+        assert two.slave.control.stopped
+    finally:
+        two.close()

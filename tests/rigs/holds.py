@@ -1,0 +1,104 @@
+"""What every law does with a press of a minute, as a table: `python -m tests.rigs.holds [LAW ...]`.
+
+The hand goes to 0.15 rad in a second and rests; the wall is at 0.05 rad. Shown are the efforts of
+master and slave [mN m], means of a quarter of a second at 3, 6, 14, 30 and 60 s, and how it ended.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tautwave.config import Rig, load_rig
+from tautwave.simulation import Simulation, simulate
+
+BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-2khz.yaml"
+AUTO = "wave_impedance: auto, wave_filter_hz: auto, pole_master: auto, pole_slave: auto"
+LAWS = {
+    "wave": ("wave", AUTO, False),
+    "position": ("position", "stiffness: 20, damping: 0.07", False),
+    "position account": ("position", "stiffness: 20, damping: 0.07", True),
+    **{name: (name, "", False) for name in
+       ("pd_damping", "position_force", "four_channel", "mediated")},
+    **{f"{name} account": (name, "", True) for name in
+       ("pd_damping", "position_force", "four_channel", "mediated")},
+}  # fmt: skip
+"""Law, keys of its pair, whether in an account; gains that are not named are `auto`."""
+WALLS = {"soft": 5.0, "stiff": 250.0}
+DELAYS = (0.0, 0.02, 0.1)
+ENCODERS = {"1.5e-5": (1.5e-5, 2.094e-5), "9e-5": (9e-5, 2.094e-5), "coarse": (0.0, 1.534e-3)}
+"""Noise, declared and true, and encoder step [rad]."""
+TIMES = (3.0, 6.0, 14.0, 30.0, 60.0)
+FELT = 0.025
+"""[N m] Coulomb friction: less is no press."""
+
+
+class Hold(NamedTuple):
+    """One case."""
+
+    law: str
+    wall: str
+    delay: float
+    encoder: str
+
+    @property
+    def rig(self) -> Rig:
+        """Its rig."""
+        law, keys, account = LAWS[self.law]
+        noise, quantum = ENCODERS[self.encoder]
+        books = "account: {}, " if account else ""
+        changes = [
+            f"coupling={{law: {law}, delay_s: {self.delay}, {books}pairs: {{lever: {{{keys}}}}}}}",
+            "simulation.hand.lever={lever_arm: 0.075, reference: {type: minimum_jerk, "
+            "waypoints: [[0.5, 0.0], [1.5, 0.15]]}}",
+            f"simulation.environment.lever={{type: wall, position: 0.05, stiffness: "
+            f"{WALLS[self.wall]}, damping: 5.0e-3}}",
+            f"duration_s={TIMES[-1]}",
+        ]
+        for side in ("master", "slave"):
+            changes += [
+                f"{side}.axes.lever.position_noise={noise}",
+                f"simulation.axes.{side}.lever.position_noise={noise}",
+                f"{side}.axes.lever.encoder_quantum={quantum}",
+            ]
+        return load_rig(BENCH, changes)
+
+
+def efforts(run: Simulation, side: str) -> list[float]:
+    """Return the mean effort of a side before each of the times [N m]; NaN after the end."""
+    time, sent = run["time_s"], run[f"{side}.lever.commanded"]
+    found = []
+    for at in TIMES:
+        known = (time > at - 0.3) & (time <= at - 0.05)
+        found.append(float(np.mean(sent[known])) if known.any() else float("nan"))
+    return found
+
+
+def lets_go_unsaid(run: Simulation) -> bool:
+    """Return whether a side pressed at 3 s, and at the end does so with less than a quarter."""
+    if run.error is not None:
+        return False
+    both = [np.abs(efforts(run, side)) for side in ("master", "slave")]
+    return any(one[0] > 2.0 * FELT and one[-1] < 0.25 * one[0] for one in both)
+
+
+def cases(laws: list[str]) -> Iterator[Hold]:
+    """Yield the cases of some laws."""
+    for law in laws:
+        for wall in WALLS:
+            for delay in DELAYS:
+                for encoder in ENCODERS:
+                    yield Hold(law, wall, delay, encoder)
+
+
+if __name__ == "__main__":
+    for case in cases(sys.argv[1:] or list(LAWS)):
+        run = simulate(case.rig, engine="compiled")
+        one, two = efforts(run, "master"), efforts(run, "slave")
+        row = " ".join(f"{1e3 * a:5.0f}/{1e3 * b:5.0f}" for a, b in zip(one, two, strict=True))
+        name = f"{case.law:22s} {case.wall:5s} {1e3 * case.delay:3.0f} ms {case.encoder:6s}"
+        print(f"{name} {row}  {run.error or ''}"[:200], flush=True)
