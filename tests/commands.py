@@ -22,6 +22,7 @@ from tautwave.report import write_report
 from tautwave.report.run.after_run import recheck_run
 from tautwave.report.run.complete import complete_summary, write_summary
 from tautwave.report.run.loading import load_run
+from tautwave.report.run.warnings import with_warnings
 from tautwave.rig import BusWay, real_buses
 from tautwave.session import reporting, running
 
@@ -47,6 +48,7 @@ def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
         run = load_run(directory)
         run.summary = complete_summary(run)
         run.summary = recheck_run(run)
+        run.summary = with_warnings(run)
         write_summary(run)
         return SimpleNamespace(returncode=0, stderr="")
 

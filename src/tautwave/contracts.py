@@ -329,6 +329,8 @@ class CouplingPlugin(NamedTuple):
     delays)`: what an end may deliver as it sees it [J]. `resolve(rig)`: a `Choice` for each key
     left to the law, by path. `variant(plugin, coupling)`: the declaration for a rig's keys.
     `tune(constants, state, key, value, period)`: a running end's, with another value of a key.
+    `mutual`: a spring that both ends feel alike and nothing fed back but dampers, so that what it
+    generated in a run is known from what it holds (`tautwave.analysis.rise`).
     """
 
     summary: str
@@ -350,6 +352,7 @@ class CouplingPlugin(NamedTuple):
     resolve: Any = ""
     variant: Any = ""
     tune: Any = ""
+    mutual: bool = False
 
 
 class CoupledAxis(NamedTuple):

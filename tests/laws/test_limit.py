@@ -107,7 +107,7 @@ def test_each_limit_that_is_met_has_its_bit(
     if found == 0:
         assert limit_effort(p, asked, last, ceiling) == asked
     assert bool(found & AT_LIMIT) == (abs(asked) >= effort)
-    assert bool(found & RAMPED) == (ceiling < abs(asked) < effort)
+    assert bool(found & RAMPED) == (ceiling < min(abs(asked), effort))
     bound = min(effort, ceiling)
     away = abs(max(-bound, min(bound, asked)) - last)
     assert bool(found & RATE_LIMITED) == (away > step) or math.isclose(away, step)

@@ -216,3 +216,38 @@ def test_lost_samples_are_no_noise() -> None:
     columns["master.lever.position"][::40] = np.nan
     assert not [note for note in recheck_run(found)["certificate"]["after_run"]["notes"]
                 if "times the declared" in note]  # fmt: skip
+
+
+def stalling(seconds: int, given: float, leak: float = 1e-3) -> Run:
+    """Return a run of 20 s at 100 Hz whose master gives evenly [J] in its first seconds."""
+    found = run(0.0, 0.0, claim=1.0)
+    time = 0.01 * np.arange(ROWS)
+    taken = -given * np.minimum(time, seconds) / 20.0
+    columns: Any = dict(found.whole or {})
+    columns["lever.port_master.absorbed"] = taken
+    port = {"master.lever port": {"reserve_j": 0.01, "leak_w": leak}}
+    found.summary["certificate"]["elements"] = port
+    found.whole, found.time = columns, time
+    return found
+
+
+@pytest.mark.parametrize(
+    ("seconds", "given", "leak", "passed"),
+    [
+        (20, 0.5, 1e-3, False),  # a buzz: half of what is claimed for a stall, again and again
+        (20, 0.5, 2.6e-2, True),  # all of it its leak
+        (4, 0.5, 1e-3, True),  # a bad moment
+        (6, 0.5, 1e-3, False),
+        (20, 0.019, 1e-3, True),  # within reserve and leak
+    ],
+)
+def test_a_claim_for_a_stall_is_not_for_what_goes_on(
+    seconds: int, given: float, leak: float, passed: bool
+) -> None:
+    end = only(stalling(seconds, given, leak))
+    assert end.given < end.claim
+    assert end.passed == passed
+    if not passed:
+        assert "which is for a stall; it went on supplying" in end.sentence
+        share = round(100.0 * seconds / 20)
+        assert abs(share - int(end.sentence.rpartition("in ")[2].split()[0])) <= 5

@@ -125,3 +125,24 @@ def test_books_that_close_are_bad_where_motors_gave_more_than_the_debt(
     books = _books(SimpleNamespace(summary=summary, pairs=("wrist",)))  # type: ignore[arg-type]
     assert books.status == status
     assert any("more than the" in sentence for sentence in books.sentences) == (status == "bad")
+
+
+@pytest.mark.parametrize(
+    ("residual", "gross", "held", "status"),
+    [
+        (1e-14, 0.0, 0.0, "ok"),  # nothing moved
+        (1e-14, 1e-9, 0.0, "ok"),
+        (2e-12, 0.0, 0.0, "bad"),
+        (2e-9, 1.0, 0.0, "bad"),
+        (2e-9, 1.0, 100.0, "ok"),  # 100 J held for a million cycles: their last bits
+        (float("inf"), 1.0, 0.0, "bad"),
+    ],
+)
+def test_books_close_as_far_as_doubles_can(
+    residual: float, gross: float, held: float, status: str
+) -> None:
+    energy = {"gross_flow": gross, "residual": residual, "generated": 0.0}
+    pairs = {"a": {"elements": {"line": {"held": held}}}}
+    summary = {"energy_j": energy, "pairs": pairs, "cycles": 1_000_000}
+    found = verdicts(Run(Path(), {}, "", summary))[0]
+    assert (found.topic, found.status) == ("Energy books", status)

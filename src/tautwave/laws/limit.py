@@ -100,10 +100,10 @@ def limited_by(p: LimitParams, asked: float, last: float, ceiling: float) -> int
     """Return which limits `limit_effort` meets, at or beyond them: a sum of the bits above."""
     bits = 0
     value = clamp(asked, effort_bound(p, ceiling))
-    if value != asked:
-        bits = RAMPED
     if not -p.effort < asked < p.effort:
         bits = AT_LIMIT
+    if value != asked and ceiling < p.effort:
+        bits += RAMPED
     slewed = slew(value, last, p.effort_step)
     if slewed != value:
         bits += RATE_LIMITED

@@ -151,11 +151,14 @@ def velocity_limited(p: SiteParams, asked: float, ceiling: float, velocity: floa
     """Return why `limit_velocity` made this of what was asked for: bits of `laws.limit`."""
     if velocity == asked:
         return 0
+    bits = 0
     if not -p.limit.velocity <= asked <= p.limit.velocity:
-        return AT_LIMIT
-    if not -ceiling <= asked <= ceiling:
-        return RAMPED
-    return STEPPED
+        bits = AT_LIMIT
+    if ceiling < p.limit.velocity and not -ceiling <= asked <= ceiling:
+        bits += RAMPED
+    if bits == 0:
+        bits = STEPPED
+    return bits
 
 
 def held_effort(

@@ -16,11 +16,12 @@ def main() -> int:
     from tautwave.report.run.complete import complete_summary, write_summary
     from tautwave.report.run.loading import load_run
     from tautwave.report.run.page import write_page
+    from tautwave.report.run.warnings import with_warnings
     from tautwave.report.scene.files import write_scene
 
     try:
         run = load_run(Path(sys.argv[1]))
-        for step in (complete_summary, recheck_run, measure_precision):
+        for step in (complete_summary, recheck_run, with_warnings, measure_precision):
             run.summary = step(run)
         write_summary(run)
         write_scene(run)

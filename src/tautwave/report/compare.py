@@ -13,6 +13,7 @@ from tautwave.report.html import (
     badge,
     banner,
     file_stem,
+    judged_banners,
     kept_picture,
     page,
     table,
@@ -76,6 +77,7 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
         yield "".join(f"<p>{escape(sentence)}</p>" for sentence in ended.sentences)
         if run.notes:
             yield banner("This run is incomplete", run.notes, "note")
+        yield from judged_banners(run)
         yield verdict_rows(verdicts(run)) + "</div>"
     yield "</div>"
     yield "<h2>Differences between the rigs</h2>"

@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tautwave.analysis.rise import NOTHING, Rise, surplus_of
 from tautwave.report.claims import ROUNDING
+from tautwave.report.figures.envelope import Floats
 from tautwave.report.motors import motion
 from tautwave.report.run.rundir import SIDES, Run, block
 from tautwave.report.units import number, quantity
@@ -23,7 +25,8 @@ from tautwave.report.units import number, quantity
 class End(NamedTuple):
     """One end of a pair: what it supplied at its worst moment, in impacts, and what it claimed [J].
 
-    `flow` is all that passed to and fro.
+    `flow` is all that passed to and fro; `beyond` what it supplied beyond reserve and leak, None
+    where those are not known: a stall may cost that once, not again and again.
     """
 
     axis: str
@@ -31,11 +34,20 @@ class End(NamedTuple):
     blow: float
     claim: float
     flow: float
+    beyond: Rise | None = None
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether it supplies more than reserve and leak in many of the seconds, unhit."""
+        return self.beyond is not None and self.beyond.lasting and self.blow == 0.0
 
     @property
     def passed(self) -> bool:
-        """Whether it kept its claim, blows apart."""
-        return self.given - self.blow <= self.claim + ROUNDING * self.flow
+        """Whether it kept its claim, blows apart, and does not go on."""
+        return (
+            self.given - self.blow <= self.claim + ROUNDING * self.flow + NOTHING
+            and not self.goes_on
+        )
 
     @property
     def sentence(self) -> str:
@@ -46,6 +58,12 @@ class End(NamedTuple):
             return ""
         if self.passed:
             return f"{self.axis} port: supplied {given}, {blow}; its claim is {claim}."
+        if self.beyond is not None and self.goes_on:
+            share = f"{100.0 * self.beyond.share:.0f} % of the seconds"
+            return (
+                f"{self.axis} port: supplied {given} of its claim of {claim}, which is for a "
+                f"stall; it went on supplying more than its reserve and leak in {share}."
+            )
         apart = f", {blow}" if self.blow > 0.0 else ""
         return (
             f"{self.axis} port: supplied {given}{apart}, more than its claim of {claim}; its "
@@ -65,17 +83,35 @@ def ends_of(run: Run) -> Iterator[End]:
             if claim is None or not read or not run.rows:
                 continue
             # A matched end's damper is part of it: what the tank paid for it did not come out.
-            taken = sum(read.values())
+            taken = np.sum(list(read.values()), axis=0)
             axis = f"{side}.{pair}"
             flow = run.read(f"{axis}.gross_flow").get(f"{axis}.gross_flow", np.zeros(1))
             weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
+            passed = float(np.nanmax(flow)) / weight
             yield End(
                 axis,
                 max(0.0, -float(np.nanmin(taken))) / weight,
                 blow(run, pair, side) / weight,
                 claim,
-                float(np.nanmax(flow)) / weight,
+                passed,
+                _beyond(run, axis, taken / -weight, passed),
             )
+
+
+def _beyond(run: Run, axis: str, given: Floats, flow: float) -> Rise | None:
+    """Return what an end supplied beyond twice its reserve and its leak [J].
+
+    A port begins each engagement with its reserve.
+    """
+    element = block(run.summary, "certificate", "elements", f"{axis} port")
+    reserve, leak = number(element.get("reserve_j")), number(element.get("leak_w"))
+    if reserve is None or leak is None or run.time is None or run.rows < 2:
+        return None
+    times = run.read("operation.engagement").get("operation.engagement", np.ones(run.rows))
+    known = np.isfinite(given)
+    time = run.time[known] - run.time[0]
+    allowed = 2.0 * reserve * np.maximum(times[known], 1.0) + leak * time
+    return surplus_of(time, given[known], allowed, flow) if len(time) > 1 else None
 
 
 def blow(run: Run, pair: str, side: str) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from tautwave.canvas import DARK, INK, PAPER, alone, dark_rules, svg
 from tautwave.canvas.paint import DARK_QUERY
 from tautwave.files import write_text
+from tautwave.report.run.rundir import Run
 from tautwave.report.run.tables import Table
-from tautwave.report.run.verdicts import Verdict
+from tautwave.report.run.verdicts import Verdict, generated, invalidated, warnings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -204,6 +205,18 @@ def banner(title: str, sentences: Iterable[str], status: str) -> str:
     """A prominent box."""
     text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
     return f'<div class="banner {status}"><b>{escape(title)}</b>{text}</div>'
+
+
+def judged_banners(run: Run) -> Iterator[str]:
+    """Yield what a run's measurements broke, in red, and what it has to be warned of."""
+    if invalidated(run):
+        title = "What this run measured invalidates its certificate"
+        if generated(run):
+            title = "This run generated energy"
+        yield banner(title, invalidated(run), "bad")
+    warned = warnings(run)
+    if warned:
+        yield banner("Warnings", warned, "note")
 
 
 def badge(found: Verdict) -> str:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tautwave.report.figures.envelope import Floats
-from tautwave.report.html import file_stem, kept_picture, page, table
+from tautwave.report.html import file_stem, judged_banners, kept_picture, page, table
 from tautwave.report.run.rebuild import element_books
 from tautwave.report.run.rundir import Run, block, kind_of, pair_settings
 from tautwave.report.run.tables import Table
@@ -314,6 +314,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
             yield kept_picture(folder, f"joined-{file_stem(pair)}", figure, f"tracking of {pair}")
     for run, side in zip((master, slave), SIDES, strict=True):
         yield f"<h2>{side}</h2>"
+        yield from judged_banners(run)
         yield table(session_table(run), "text")
 
 

@@ -110,6 +110,11 @@ def summary_block(certificate: dict[str, Any], allowed: bool) -> dict[str, Any]:
             "passive_quantised": element["passive_quantised"]["state"],
             "sentences": element["sentences"],
             "true_j": element["numbers"].get("true_j"),
+            **{
+                name: element["numbers"][key]
+                for name, key in (("reserve_j", "reserve"), ("leak_w", "leak"))
+                if key in element["numbers"]
+            },
         }
         for element in certificate["elements"]
     }

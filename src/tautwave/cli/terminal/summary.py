@@ -67,8 +67,18 @@ def last_line(name: str, summary: Mapping[str, Any], exit_code: int) -> str:
         return f"{name}: {incomplete or word}"
     if exit_code == 3:
         sentence = "\n".join(_dig(summary, "certificate", "after_run", "sentences") or [sentence])
+    elif exit_code in (5, 6):
+        sentence = "\n".join([sentence, *_generated(summary)])
     sentence = sentence or f"{name}: {word}"
     return f"{sentence.rstrip('.')}; {incomplete}" if incomplete else sentence
+
+
+def _generated(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence on each coupling that generated energy where none may."""
+    if _dig(summary, "certificate", "after_run", "invalidated"):
+        for _, found in _items(_dig(summary, "certificate", "after_run"), "generated"):
+            if found.get("passed") is False:
+                yield str(found["sentence"])
 
 
 def _headline(name: str, summary: Mapping[str, Any], exit_code: int) -> Section:
@@ -83,6 +93,8 @@ def _headline(name: str, summary: Mapping[str, Any], exit_code: int) -> Section:
     if number(summary.get("wall_time_s")) is not None:
         parts.append(f"in {quantity(summary['wall_time_s'], 's', 3)}")
     notes: list[str | Cell] = [sentence] if sentence else []
+    notes += [Cell(one, BAD) for one in _generated(summary)]
+    notes += [Cell(str(one), NOTE) for one in summary.get("warnings") or ()]
     lost, unreported = (str(summary.get(key) or "") for key in ("incomplete", "report_error"))
     if unreported and unreported not in lost:
         notes.append(Cell(f"{unreported}.", BAD))
@@ -182,7 +194,7 @@ def _books(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
     yield from _motors(summary, energy)
     passed, state = (_dig(summary, "certificate", key) for key in ("passed", "state"))
     require = str(_dig(summary, "certificate", "require") or "").replace("_", " ")
-    yield "certificate", require, verdict(passed, state)
+    yield "certificate", require, _after_run(summary, verdict(passed, state))
     for sentence in _certificate_notes(summary):
         yield "", "", Cell(sentence, BAD if passed is False else NOTE)
 
@@ -218,6 +230,16 @@ def _motors(
         yield "claims of the ports", says, claims_sentence(ends)
 
 
+def _after_run(summary: Mapping[str, Any], before: Cell) -> Cell:
+    """Return the verdict on a certificate as a run has left it."""
+    after = _dig(summary, "certificate", "after_run")
+    if _dig(after, "invalidated"):
+        return Cell(f"{before.text}, before the run; not kept in it", BAD)
+    if _dig(after, "broken_conditions"):
+        return Cell(f"{before.text}, on conditions that this run did not keep", NOTE)
+    return before
+
+
 def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
     """The certificate after the run, and walls rendered with reduced stiffness."""
     for axis, wall in (_dig(summary, "certificate", "walls") or {}).items():
@@ -229,6 +251,7 @@ def _certificate_notes(summary: Mapping[str, Any]) -> Iterator[str]:
     if _dig(summary, "certificate", "after_run", "invalidated"):
         yield "what this run measured invalidates its certificate:"
         yield from _dig(summary, "certificate", "after_run", "sentences") or ()
+    yield from _dig(summary, "certificate", "after_run", "broken_conditions") or ()
     yield from _dig(summary, "certificate", "after_run", "notes") or ()
 
 

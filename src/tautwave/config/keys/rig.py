@@ -40,6 +40,10 @@ VELOCITY_TIME_CONSTANT_S = 0.002
 """[s] Default velocity loop time constant of a simulated admittance axis."""
 
 
+Expected = Literal["at_limit", "position_error", "not_engaged"]
+"""What a run may be warned of."""
+
+
 def _no_slave() -> Side:
     return Side.model_construct(axes={})
 
@@ -75,6 +79,13 @@ class Rig(Block):
         description="What must be certified before the rig may run: passive for any operator and "
         "environment; the same with encoder steps and Coulomb friction; or stable with the "
         "stated hand.",
+    )
+    expect: tuple[Expected, ...] = Field(
+        default=(),
+        description="What is meant and no cause for a warning after a run: `at_limit`, an axis is "
+        "at its limit for more than a fifth of the coupled cycles; `position_error`, a pair is "
+        "further apart than its coupling explains; `not_engaged`, an operated rig is engaged for "
+        "less than half of its run.",
     )
     seed: int = Field(default=0, description="Seed of all random numbers in a simulated run.")
     buses: Annotated[dict[Name, Bus], Field(min_length=1)] = Field(description="Buses by name.")

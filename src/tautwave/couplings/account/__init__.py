@@ -10,10 +10,11 @@ from typing import Any
 
 from tautwave.config.keys.coupling import Account
 from tautwave.contracts import CoupledAxis, CouplingPlugin
-from tautwave.controller.steps import Law, SiteLaw
+from tautwave.controller.answer import sample_gain
+from tautwave.controller.steps import Law, NoParams, SiteLaw
 from tautwave.controller.wrapping import params_with
 from tautwave.couplings.account.from_keys import account_params, quick_level
-from tautwave.couplings.account.law import GUARDS, NO_LINK, law_with_account, sample_gain
+from tautwave.couplings.account.law import GUARDS, law_with_account
 from tautwave.couplings.account.messages import messages_with_account
 from tautwave.couplings.over_link import LINKED
 from tautwave.couplings.over_link.site import site_laws
@@ -49,7 +50,7 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         """Return the constants of one end: the law's, and `account`."""
         given = make(pair, side, axis)
         assert axis.inertia is not None
-        known = bare, given, NO_LINK, axis.period, axis.gain, axis.inertia
+        known = bare, given, NoParams(), axis.period, axis.gain, axis.inertia
         gain = sample_gain(*known)
         mine, alone = keys, bare.holding is None and sample_gain(*known, still=True) == 0.0
         if bare.holding is not None:
@@ -65,6 +66,7 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         end_constants=end_constants,
         causalities=("impedance",),
         divisors=False,
+        mutual=False,
         verdict="tautwave.couplings.account.verdict:verdict",
         claim="tautwave.couplings.account.claim:claimed_joules",
         messages=messages_with_account(load_named(plugin.messages or CouplingMessages())),

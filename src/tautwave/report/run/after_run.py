@@ -17,6 +17,8 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.link import kept_of
 from tautwave.report.motors import Rows
 from tautwave.report.noise import noise_sentences
+from tautwave.report.run.conditions import broken_conditions
+from tautwave.report.run.judging import RULES, judged_of
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.sensors import sensor_sentences
 from tautwave.report.units import number
@@ -31,10 +33,14 @@ def recheck_run(run: Run) -> dict[str, Any]:
     """Return a run's summary with `certificate.after_run`.
 
     `invalidated` is true if the certificate held before the run and its measurements break it, or
-    if an end supplied more than it claimed, or a receiver more than it got, whatever the
-    certificate said. If it cannot be computed, `error` says why. `ends` are `report.ends` by axis,
-    `receivers` what those held at the least; `notes` are sentences on ends that were hit and kept
-    their claim, on noise beyond the declared, and on effort sensors that motors contradict.
+    if a coupling generated energy, an end supplied more than it claimed, or a receiver more than it
+    got, whatever the certificate said. If it cannot be computed, `error` says why. `generated` is
+    what couplings without claims generated (`report.run.judging`), `judged` a sentence on the rule
+    that judged. `ends` are `report.ends` by axis, `receivers` what those held at the least;
+    `broken_conditions` are those of the certificate that the run did not keep; `notes` are
+    sentences on ends that were hit and kept their claim, on noise beyond the declared, on effort
+    sensors that motors contradict, and on energy generated where no more than stability with the
+    stated hand is required.
     """
     summary = dict(run.summary)
     certificate = dict(block(summary, "certificate"))
@@ -46,8 +52,9 @@ def recheck_run(run: Run) -> dict[str, Any]:
             if other["passed"] is False:
                 said = [f"{at_scale.name}: {sentence}" for sentence in other["sentences"]]
                 after |= {"passed": False, "sentences": [*after["sentences"], *said]}
+        judged = list(judged_of(run, rig))
     except TautwaveError as err:
-        after, tuned = {"passed": None, "error": str(err)}, []
+        after, tuned, judged = {"passed": None, "error": str(err)}, [], []
     after["invalidated"] = certificate.get("passed") is True and after["passed"] is False
     ends = list(ends_of(run))
     after["ends"] = {
@@ -62,10 +69,17 @@ def recheck_run(run: Run) -> dict[str, Any]:
     }
     hit = [end.sentence for end in ends if end.passed and end.sentence]
     after["notes"] = [*hit, *noise_sentences(run), *sensor_sentences(run), *tuned]
+    after["generated"] = {one.name: one.as_dict() for one in judged}
+    after["judged"] = judged_sentence([*(one.rule for one in judged), *(["ends"] if ends else [])])
+    after["broken_conditions"] = list(broken_conditions(run))
+    generated = [one.sentence for one in judged if not one.passed]
+    if block(run.summary, "certificate").get("require") == "coupled_stable":
+        after["notes"] = [*generated, *after["notes"]]
+        generated = []
     kept = list(kept_of(run))
     if kept:
         after["receivers"] = {one.element: {"least_j": one.least} for one in kept}
-    broken = [end.sentence for end in ends if not end.passed]
+    broken = [*generated, *(end.sentence for end in ends if not end.passed)]
     broken += [one.sentence for one in kept if not one.passed]
     if broken:
         after |= {"passed": False, "invalidated": True}
@@ -73,6 +87,12 @@ def recheck_run(run: Run) -> dict[str, Any]:
     certificate["after_run"] = after
     summary["certificate"] = certificate
     return summary
+
+
+def judged_sentence(rules: list[str]) -> str:
+    """Return by which rules a run's energy was judged, as a sentence; empty without any."""
+    said = "; ".join(RULES[rule] for rule in dict.fromkeys(rules))
+    return f"Its energy is judged {said}." if said else ""
 
 
 def acted_scales(run: Run, rig: Rig) -> Iterator[Rig]:

@@ -13,6 +13,7 @@ from tautwave.report.html import (
     badge,
     banner,
     details,
+    judged_banners,
     page,
     table,
     verdict_rows,
@@ -21,7 +22,7 @@ from tautwave.report.run import tables
 from tautwave.report.run.operation import episode_table, journal_table
 from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_parts, scene_parts
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.verdicts import invalidated, outcome, uncertified, verdicts
+from tautwave.report.run.verdicts import outcome, uncertified, verdicts
 from tautwave.report.units import plural, quantity
 
 PAGE = "report.html"
@@ -128,9 +129,7 @@ def _head(run: Run) -> Iterator[str]:
     if uncertified(run):
         title = "This rig ran without a certificate (--allow-uncertified)"
         yield banner(title, uncertified(run), "bad")
-    if invalidated(run):
-        title = "What this run measured invalidates its certificate"
-        yield banner(title, invalidated(run), "bad")
+    yield from judged_banners(run)
     if run.notes:
         yield banner("This report is incomplete", run.notes, "note")
     yield verdict_rows(verdicts(run))

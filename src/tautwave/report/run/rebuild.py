@@ -260,6 +260,7 @@ def _element(run: Run, pair: str, element: str, balance: Balance) -> dict[str, f
         "stored": float(stored[-1]),
         "dissipated": float(dissipated[-1]),
         "generated": max(0.0, -float(np.nanmin(absorbed))),
+        "held": float(np.nanmax(np.abs(stored))),
     }
 
 

@@ -1,0 +1,151 @@
+"""What the rows of a run say of the energy that its couplings generated, and what they claimed.
+
+Three rules. The *spring* of a law that is mutual: the greatest rise of its books beyond what the
+devices' damping could have taken (`report.coupled`). The *ends* of a pair with claims, each beside
+its own (`report.ends`). All else by its *sum*: what it gave since the start beyond that damping;
+of a scene what its held efforts gave, for what its network makes of itself is meant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tautwave.analysis.rise import Floats, Rise, damping_work, surplus_of
+from tautwave.certificate.belief import SIDES, declared_delays
+from tautwave.config import Rig
+from tautwave.report.coupled import both_sampled, coupled_rise, is_mutual, stall_claim
+from tautwave.report.run.rundir import Run
+from tautwave.report.units import quantity
+from tautwave.rig import axis_allowance, coupling_part, pair_scale
+from tautwave.rig.scene.network import hold_claim, hold_limit
+
+RULES = {
+    "spring": "by what its spring holds, from sample to sample",
+    "ends": "end by end, by what it claims",
+    "sum": "by all that it gave since the start, for nothing sharper is known of it",
+}
+
+
+class Judged(NamedTuple):
+    """What a coupling, or a scene, generated in a run.
+
+    Attributes
+    ----------
+    name : str
+        `coupling of PAIR` or `scene`.
+    rule : str
+        One of `RULES`.
+    rise : Rise
+        What it generated beyond what the damping of its devices could have taken.
+    claim : float
+        What it may have [J].
+    """
+
+    name: str
+    rule: str
+    rise: Rise
+    claim: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether it generated no more than it claims, and does not go on."""
+        return not self.rise.exceeds(self.claim)
+
+    @property
+    def sentence(self) -> str:
+        """What it generated too much, with both numbers; empty if it passed."""
+        if self.passed:
+            return ""
+        given, taken = quantity(self.rise.given, "J", 3), quantity(self.rise.taken, "J", 3)
+        claims = f"claims {quantity(self.claim, 'J', 3)}" if self.claim > 0.0 else "claims nothing"
+        text = (
+            f"{self.name}: it gave {given} more than the damping of its devices, by its lower "
+            f"bounds, could have taken ({taken} in all); it {claims}"
+        )
+        if self.rise.lasting:
+            text += f", and it went on giving in {100.0 * self.rise.share:.0f} % of the seconds"
+        return f"{text}. It is no longer passive: lower its stiffness, or lose fewer samples."
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {
+            "rule": self.rule,
+            "given_j": self.rise.given,
+            "damping_j": self.rise.taken,
+            "claim_j": self.claim,
+            "floor_j": self.rise.floor,
+            "share_of_seconds": self.rise.share,
+            "passed": self.passed,
+            "sentence": self.sentence,
+        }
+
+
+def judged_of(run: Run, rig: Rig) -> Iterator[Judged]:
+    """Yield what a scene generated, and each coupling whose ends claim nothing themselves.
+
+    One of two sites sees half of a coupling, and is not judged by it.
+    """
+    if rig.scene is not None:
+        found = scene_rise(run, rig)
+        if found is not None:
+            yield Judged("scene", "sum", found, scene_claim(rig))
+        return
+    if run.site is not None or coupling_part(rig).claim:
+        return
+    mutual = is_mutual(rig)
+    for pair in run.pairs:
+        found = coupled_rise(run, rig, pair) if mutual else summed_rise(run, rig, pair)
+        if found is not None:
+            claim = stall_claim(rig, pair) if mutual else 0.0
+            yield Judged(f"coupling of {pair}", "spring" if mutual else "sum", found, claim)
+
+
+def summed_rise(run: Run, rig: Rig, pair: str) -> Rise | None:
+    """Return what the coupling of a pair gave since the start, None where its rows do not say."""
+    ratio = pair_scale(rig.coupling.pairs[pair]).power
+    weights = {f"{side}.{pair}": 1.0 if side == "master" else 1.0 / ratio for side in SIDES}
+    name = f"{pair}.coupler.absorbed"
+    absorbed = run.read(name).get(name)
+    if absorbed is None:
+        return None
+    return _given_since_start(run, rig, weights, -absorbed)
+
+
+def scene_rise(run: Run, rig: Rig) -> Rise | None:
+    """Return what the held efforts of a scene gave to its network, None where rows do not say."""
+    hold = run.read("scene.hold").get("scene.hold")
+    if hold is None:
+        return None
+    return _given_since_start(run, rig, dict.fromkeys(rig.axes, 1.0), -hold)
+
+
+def scene_claim(rig: Rig) -> float:
+    """Return what held efforts of a scene may give until its guard has stopped the run [J]."""
+    names = [name.partition(".")[2] for name in rig.axes]
+    claim = hold_claim(rig, names, declared_delays(rig))
+    return claim if math.isfinite(claim) else hold_limit(rig, names)
+
+
+def _given_since_start(
+    run: Run, rig: Rig, weights: Mapping[str, float], given: Floats
+) -> Rise | None:
+    read = run.read(*(f"{axis}.{what}" for axis in weights for what in ("position", "valid")))
+    if run.rows < 2 or len(read) < 2 * len(weights):
+        return None
+    at = np.flatnonzero(both_sampled(run, list(weights), read))
+    if len(at) < 2:
+        return None
+    skipped = run.read("skipped_slots").get("skipped_slots", np.zeros(run.rows))
+    time = np.cumsum(1.0 + np.nan_to_num(skipped))[at] / run.rate_hz
+    delays = declared_delays(rig)
+    damped = np.zeros(len(at))
+    for axis, weight in weights.items():
+        moved = np.diff(read[f"{axis}.position"][at])
+        left = weight * axis_allowance(rig, axis, delays[axis]).coupling_damping
+        damped[1:] += np.cumsum(damping_work(left, moved, np.diff(time)))
+    total = given[at] - given[at[0]]
+    return surplus_of(time, total, damped, float(np.sum(np.abs(np.diff(total)))))
