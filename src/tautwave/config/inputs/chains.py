@@ -36,7 +36,7 @@ def chain_links(keys: Chain) -> tuple[tuple[Link, ...], tuple[JointLimits, ...]]
         Its URDF file cannot be read, or holds no serial chain.
     """
     if keys.urdf is not None:
-        found = read_urdf(Path(keys.urdf), keys.tip)
+        found = read_urdf(Path(keys.urdf), keys.tip, keys.base, keys.held)
         return found.links, found.limits
     links: list[Link] = []
     for number, row in enumerate(keys.dh or ()):

@@ -1,9 +1,13 @@
-"""Serial chains from URDF files: joints, axes, origins, inertials, limits; nothing else is read."""
+"""Serial chains from URDF files: joints, axes, origins, inertials, limits; nothing else is read.
+
+With a tip, the chain is the path to it. What moves beside that path, such as a gripper, is held
+where it is said to be, and is part of the body that carries it.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,10 +20,13 @@ from tautwave.models.chain.build import (
     Link,
     Matrix,
     Vector,
+    about_z,
     joined,
     moved,
     placed,
     times,
+    transposed,
+    z_along,
 )
 
 KINDS = {"revolute": "turns", "continuous": "turns", "prismatic": "slides", "fixed": "fixed"}
@@ -49,7 +56,12 @@ class _Joint(NamedTuple):
     node: Node
 
 
-def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
+def read_urdf(
+    path: Path,
+    tip: str | None = None,
+    base: str | None = None,
+    held: Mapping[str, float] | None = None,
+) -> UrdfChain:
     """Return the serial chain of a URDF file.
 
     Parameters
@@ -57,8 +69,12 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
     path : Path
         The file.
     tip : str, optional
-        Name of the last link; default: that behind the last joint that moves. Whatever is fixed to
-        the chain belongs to its bodies in any case.
+        Name of the last link; default: that behind the last joint that moves, in a file where
+        nothing branches off. Whatever is fixed to the chain belongs to its bodies in any case.
+    base : str, optional
+        Name of the link that the chain stands on; default: the root of the file.
+    held : mapping, optional
+        Where joints beside the chain are held [rad or m], by name; default: 0.
 
     Raises
     ------
@@ -98,18 +114,29 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
                 joint.node.line,
                 f"joint {joint.name!r} closes a loop; only serial chains are supported",
             )
-    if tip is not None and tip not in links:
-        raise ConfigError(f"{path}: there is no link {tip!r}. Links: {', '.join(links)}")
-    moves: dict[str, bool] = {}  # whether anything moves behind a link
-    for name in reversed(order):
-        moves[name] = any(j.kind != "fixed" or moves[j.child] for j in below[name])
-    route = _route(reader, order[0], below, above, moves, tip)
-    taken = {joint.child for joint in route}
+    for end in (tip, base):
+        if end is not None and end not in links:
+            raise ConfigError(f"{path}: there is no link {end!r}. Links: {', '.join(links)}")
+    stands = order[0] if base is None else base
+    if tip is None:
+        moves: dict[str, bool] = {}  # whether anything moves behind a link
+        for name in reversed(order):
+            moves[name] = any(j.kind != "fixed" or moves[j.child] for j in below[name])
+        route = _only_route(reader, stands, below, moves)
+    else:
+        route = _route_to(path, stands, tip, above)
+    taken = {joint.name for joint in route}
+    places = held or {}
+    for name in places:
+        if name in taken or name not in {joint.name for joint in joints if joint.kind != "fixed"}:
+            why = "is part of the chain" if name in taken else "is no joint of the file that moves"
+            raise ConfigError(f"{path}: joint {name!r} {why}; remove it from held")
     made = []
     limits = []
     for joint in route:
+        _check_in_chain(reader, joint)
         place, turn = reader.origin(joint.node)
-        body = _body(reader, links, below, joint.child, taken)
+        body = _body(reader, links, below, joint.child, taken, places)
         axis = (0.0, 0.0, 1.0) if joint.kind == "fixed" else _axis(reader, joint)
         made.append(Link(joint.name, joint.kind, place, turn, axis, body))
         if joint.kind != "fixed":
@@ -121,13 +148,6 @@ def read_urdf(path: Path, tip: str | None = None) -> UrdfChain:
 
 def _joint(reader: UrdfReader, node: Node, links: Mapping[str, Node]) -> _Joint:
     name, kind = node.given["name"], reader.word(node, "type")
-    if kind not in KINDS:
-        known = ", ".join(KINDS)
-        raise reader.wrong(node.line, f"joint {name!r} is {kind}; a chain has {known} joints")
-    if node.all("mimic"):
-        raise reader.wrong(
-            node.line, f"joint {name!r} mimics another, which a serial chain cannot; make it fixed"
-        )
     ends = []
     for which in ("parent", "child"):
         end = reader.one(node, which)
@@ -137,39 +157,65 @@ def _joint(reader: UrdfReader, node: Node, links: Mapping[str, Node]) -> _Joint:
         if link not in links:
             raise reader.wrong(end.line, f"joint {name!r}: there is no link {link!r}")
         ends.append(link)
-    return _Joint(name, KINDS[kind], ends[0], ends[1], node)
+    return _Joint(name, KINDS.get(kind, kind), ends[0], ends[1], node)
 
 
-def _route(
-    reader: UrdfReader,
-    root: str,
-    below: Mapping[str, list[_Joint]],
-    above: Mapping[str, _Joint],
-    moves: Mapping[str, bool],
-    tip: str | None,
-) -> list[_Joint]:
-    """Return the joints from the base to the tip; nothing beside them may move."""
-    wanted: dict[str, _Joint] = {}
-    at = tip
-    while at is not None and at in above:
-        wanted[above[at].parent] = above[at]
-        at = above[at].parent
+def _check_in_chain(reader: UrdfReader, joint: _Joint) -> None:
+    """Refuse a joint that no joint of a serial chain is."""
+    name, line = joint.name, joint.node.line
+    if joint.kind not in KINDS.values():
+        known = ", ".join(KINDS)
+        raise reader.wrong(line, f"joint {name!r} is {joint.kind}; a chain has {known} joints")
+    if joint.node.all("mimic"):
+        raise reader.wrong(
+            line,
+            f"joint {name!r} mimics another, which a joint of the chain cannot; choose a tip "
+            "before it, or make it fixed",
+        )
+
+
+def _route_to(path: Path, base: str, tip: str, above: Mapping[str, _Joint]) -> list[_Joint]:
+    """Return the joints from a link to another that it carries."""
     route: list[_Joint] = []
-    at = root
-    while at is not None:
+    at = tip
+    while at != base:
+        if at not in above:
+            raise ConfigError(f"{path}: link {base!r} does not carry the tip, {tip!r}")
+        route.append(above[at])
+        at = above[at].parent
+    return route[::-1]
+
+
+def _only_route(
+    reader: UrdfReader, base: str, below: Mapping[str, list[_Joint]], moves: Mapping[str, bool]
+) -> list[_Joint]:
+    """Return the joints to the last that moves, in a file where no other moves beside them."""
+    route: list[_Joint] = []
+    at = base
+    while moves[at]:
         moving = [joint for joint in below[at] if joint.kind != "fixed" or moves[joint.child]]
-        chosen = wanted.get(at) if tip is not None else next(iter(moving), None)
-        for joint in moving:
-            if joint is not chosen:
-                raise reader.wrong(
-                    joint.node.line,
-                    f"joint {joint.name!r} branches off at link {at!r}: only serial chains are "
-                    "supported; fix the moving joints of all other branches",
-                )
-        if chosen is not None:
-            route.append(chosen)
-        at = None if chosen is None else chosen.child
+        if len(moving) > 1:
+            why = f"joint {moving[1].name!r} branches off at link {at!r}"
+            tips = _proposal(at, route, below, moving)
+            raise reader.wrong(moving[1].node.line, f"{why}; {tips}")
+        route.append(moving[0])
+        at = moving[0].child
     return route
+
+
+def _proposal(
+    at: str, route: Sequence[_Joint], below: Mapping[str, list[_Joint]], moving: Sequence[_Joint]
+) -> str:
+    """Return which tips a file with branches has: before the first one, or on each of them."""
+    if any(joint.kind != "fixed" for joint in route):
+        return f"state the chain's end, such as `tip: {at}`; what is beyond is held"
+    ends = []
+    for joint in moving:
+        end = joint.child
+        while len(below[end]) == 1:
+            end = below[end][0].child
+        ends.append(end)
+    return f"there is an arm on each branch: state the end of one, as `tip:` {' or '.join(ends)}"
 
 
 def _body(
@@ -178,18 +224,33 @@ def _body(
     below: Mapping[str, list[_Joint]],
     link: str,
     taken: set[str],
+    held: Mapping[str, float],
 ) -> Body:
-    """Return a link's body with all that is fixed to it and not on the route."""
+    """Return a link's body with all that it carries beside the route, as it is held."""
     body = Body()
     todo: list[tuple[str, Vector, Matrix]] = [(link, ORIGIN, UNIT)]
     while todo:
         name, at, there = todo.pop()
         body = joined(body, placed(reader.body(links[name]), there, at))
         for joint in below[name]:
-            if joint.child not in taken:
+            if joint.name not in taken:
                 place, turn = reader.origin(joint.node)
-                todo.append((joint.child, moved(there, place, at), times(there, turn)))
+                shift, more = _held_at(reader, joint, held.get(joint.name, 0.0))
+                place = moved(turn, shift, place)
+                todo.append((joint.child, moved(there, place, at), times(there, times(turn, more))))
     return body
+
+
+def _held_at(reader: UrdfReader, joint: _Joint, value: float) -> tuple[Vector, Matrix]:
+    """Return where a joint's child is in the joint's frame: shift [m] and rotation."""
+    if value == 0.0:
+        return ORIGIN, UNIT
+    _check_in_chain(reader, joint)
+    x, y, z = _axis(reader, joint)
+    if joint.kind == "slides":
+        return (value * x, value * y, value * z), UNIT
+    along = z_along((x, y, z))
+    return ORIGIN, times(along, times(about_z(value), transposed(along)))
 
 
 def _axis(reader: UrdfReader, joint: _Joint) -> Vector:

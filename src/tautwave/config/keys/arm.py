@@ -65,7 +65,15 @@ class Chain(Block):
     )
     tip: str | None = Field(
         default=None,
-        description="URDF link of the tip; default: the link after the last moving joint.",
+        description="URDF link of the tip; default: the link after the last moving joint, in a "
+        "file without branches. What moves beside the path to it is held.",
+    )
+    base: str | None = Field(
+        default=None, description="URDF link that the chain stands on; default: the file's root."
+    )
+    held: dict[str, float] = Field(
+        default_factory=dict,
+        description="[rad | m] Where joints of the URDF beside the chain are held; default: 0.",
     )
     order: Literal["base_to_tip"] | None = Field(
         default=None,
@@ -82,12 +90,18 @@ class Chain(Block):
     )
     payload: Payload | None = Field(default=None, description="Payload at the tip; default: none.")
 
+    def __hash__(self) -> int:
+        """Return a hash, by which what was made of a chain is found again; a mapping has none."""
+        return hash((self.urdf, self.tip, self.base, self.dh, self.gravity, self.payload))
+
     @model_validator(mode="after")
     def _check_source(self) -> Self:
         if (self.urdf is None) == (not self.dh):
             raise PydanticCustomError("order", "give either urdf, or dh with one row for each axis")
         if self.tip is not None and self.urdf is None:
             raise PydanticCustomError("order", "tip applies to a URDF only; remove it")
+        if (self.base is not None or self.held) and self.urdf is None:
+            raise PydanticCustomError("order", "base and held apply to a URDF only; remove them")
         if self.order is not None and self.urdf is None:
             raise PydanticCustomError("order", "rows of dh are in that order anyway; remove order")
         return self
