@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from typing import Any
 
 READ, READ_INPUT, WRITE_ONE, WRITE, READ_WRITE = 3, 4, 6, 16, 23
@@ -40,6 +41,15 @@ class Drive:
         self.position = self.speed = 0.0
         self.now_ns = self.heard_ns = 0
         self.unguarded = False
+        self.dead_until_ns = -1
+
+    def cut_power(self, now_ns: int, span_ns: int) -> None:
+        """Lose the supply, and with it all but the position; it answers again after `span_ns`."""
+        kept = {place: self.words[place] for place in (POSITION, POSITION + 1)}
+        self.words = dict.fromkeys(range(45), 0)
+        self.words |= {0: 0x5457, 1: 1, 41: 1, 44: 1000, **kept}
+        self.speed = 0.0
+        self.dead_until_ns = now_ns + span_ns
 
     @property
     def on(self) -> bool:
@@ -104,13 +114,16 @@ class DriveLine:
     """A serial line or TCP server with drives by unit; `port` gives the host's end of it.
 
     `echo`: what is sent comes back, `cut`: nothing arrives any more; `resets`: how many connections
-    break at the next write to a control register; `connections` counts those made.
+    break at the next write to a control register; `connections` counts those made, `requests` what
+    was asked, and `on_request` is called with that before each.
     """
 
     def __init__(self, clock: Any, drives: dict[int, Drive], *, tcp: bool, echo: bool = False):
         self.clock, self.drives, self.tcp, self.echo = clock, drives, tcp, echo
         self.cut = False
         self.resets = 0
+        self.requests = 0
+        self.on_request: Callable[[int], None] | None = None
         self.connections = 0
 
     def port(self, endpoint: str) -> Port:
@@ -167,13 +180,16 @@ class Port:
         return False
 
     def _answer(self, unit: int, pdu: bytes, now_ns: int) -> bytes:
+        if self.line.on_request is not None:
+            self.line.on_request(self.line.requests)
+        self.line.requests += 1
         writes_control = pdu[0] in (WRITE_ONE, WRITE) and pdu[1:3] == struct.pack(">H", CONTROL)
         if self.line.resets and writes_control and self.line.drives[unit].on:
             self.line.resets -= 1
             self.broken = True
             return b""
         drive = self.line.drives.get(unit)
-        if drive is None:
+        if drive is None or now_ns < drive.dead_until_ns:
             return b""
         drive.heard_ns = now_ns
         return drive.respond(pdu)

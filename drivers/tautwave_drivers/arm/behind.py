@@ -35,6 +35,7 @@ class JointsBehind(DriverWrapper):
         own = plugin.options.model_validate(options.bus.options)
         super().__init__(plugin.make(own, joints, clock, transport))
         self._which = coordinates(bus)
+        self._names = [axis.name for axis in bus.axes]
         self._joints = joints.axes
         self._task = options.task()
         self._period = 1.0 / bus.rate_hz
@@ -57,7 +58,7 @@ class JointsBehind(DriverWrapper):
         joints = self._driver.watchdog_s
         if any(joint.name not in joints for joint in self._joints):
             return {}
-        return dict.fromkeys(self._axes, max(joints.values()))
+        return dict.fromkeys(self._names, max(joints.values()))
 
     def open(self) -> None:
         """Open the joints' bus, at the start or for a reset: forget what was known and sent."""

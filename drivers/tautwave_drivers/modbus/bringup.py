@@ -52,6 +52,7 @@ class Bringup:
         self._where = f"{station.label} on bus {bus.name}"
         self._volatile = False
         self._changes: list[str] = []
+        self._set: dict[str, int] = {}
         self.notes: list[str] = []
         self.unwatched = ""
         self.identity: dict[str, str] = {}
@@ -84,6 +85,15 @@ class Bringup:
             )
         self._watchdog()
         self._put_zero()
+        own = {role for role in profile.roles if role.startswith(("command", "control"))}
+        left_out = {profile.roles[role] for role in own}
+        if profile.comm_loss is not None:
+            left_out.add(profile.comm_loss.register_name)
+        self._station.checks = tuple(
+            Step(wait=name, value=value)
+            for name, value in self._set.items()
+            if name not in left_out
+        )
         self.notes += [f"{self._where}: {caveat}" for caveat in profile.caveats]
 
     # -- what it is ------------------------------------------------------------------------
@@ -281,3 +291,5 @@ class Bringup:
                 f"{self._where}: {name} reads {found} after {value} was written; is another "
                 "master on the line?"
             )
+        if self._volatile or not self._profile.registers[name].lasting:
+            self._set[name] = value

@@ -193,6 +193,8 @@ class ModbusDriver:
                     f"{', '.join(silent)}: no response to the cyclic request, although each "
                     f"drive responded on its own; {_likely_cause(links, silent)}"
                 )
+        for link, _ in links.groups:
+            link.abandon()  # a drive that was silent in the last of them still owes its answer
         self._reset_stations()
         if self._options.link == "tcp":
             self._check_time(links, statistics.median(spans) * 1e-9)

@@ -87,7 +87,10 @@ class Enabling:
             station.begin_enabling()
         elif transaction.pending:
             # One that was not sent yet waits behind another, which has its own timeout.
-            timeout_ns = round(1e9 * self._timeout_s) + PERIODS * self._bus.period_ns
+            timeout_s = self._timeout_s
+            if station.arming:  # one lost answer must not be the silence that trips the drive
+                timeout_s = min(timeout_s, self._options.comm_timeout_s / 4)
+            timeout_ns = round(1e9 * timeout_s) + PERIODS * self._bus.period_ns
             if (
                 not transaction.sent_ns
                 or self._clock.now_ns() < transaction.sent_ns[-1] + timeout_ns

@@ -13,6 +13,9 @@ from tautwave_drivers.modbus.protocol.frames import Request
 from tautwave_drivers.modbus.protocol.messages import exception_text, function_text
 from tautwave_drivers.modbus.protocol.registers import from_words, to_words
 
+CHECK = "check"
+"""The sequence of steps that only compare: what differs has been forgotten."""
+
 
 class Procedure(Protocol):
     """Something that takes transaction after transaction until it is done."""
@@ -162,6 +165,11 @@ class Steps:
         return since is not None and self._clock.now_ns() - since > step.timeout_s * 1e9
 
     def _wait(self, step: Step, found: int, where: str) -> None:
+        if self._what == CHECK:
+            raise DeviceFault(
+                f"{self._label}: {step.register_name} reads {found} instead of {step.value}: it "
+                "was switched off and on, or another program wrote to it; check its supply"
+            )
         profile = self._codec.profile
         states = profile.states if step.wait == profile.roles["status"] else None
         if self._what == "enable" and states is not None and states.fault.fits(found):

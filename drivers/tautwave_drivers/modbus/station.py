@@ -15,7 +15,14 @@ from tautwave_drivers.modbus.protocol import frames
 from tautwave_drivers.modbus.protocol.frames import Request
 from tautwave_drivers.modbus.protocol.registers import Block, Place, blocks_of, to_words
 from tautwave_drivers.modbus.protocol.transaction import Transaction
-from tautwave_drivers.modbus.sequence import Procedure, RegisterCodec, Steps, fault_text, refusal
+from tautwave_drivers.modbus.sequence import (
+    CHECK,
+    Procedure,
+    RegisterCodec,
+    Steps,
+    fault_text,
+    refusal,
+)
 
 NAN = math.nan
 MISSING = JointState(0.0, NAN, NAN, False, 0)
@@ -113,6 +120,8 @@ class Station:
             mode = device.profile.modes["effort" if device.impedance else "velocity"]
             self.machine = Drive402(self.label, self.codec, mode, rate_hz, clock)
         self.arming: tuple[Step, ...] = ()
+        self.checks: tuple[Step, ...] = ()
+        """Registers that a power cycle resets, as they were set: read once it is enabled."""
         """Steps that switch its comm-loss watchdog on."""
         self.procedure: Procedure | None = None
         self.reset()
@@ -123,6 +132,7 @@ class Station:
         self.failed = False
         self.resumed = False
         self.procedure = None
+        self._checking = False
         self.faults: list[Fault] = []
         self._refused = 0
         self._last_status = -1
@@ -149,9 +159,12 @@ class Station:
         if self.on or self.procedure is None:
             return self.on
         self.procedure.take(self.transaction.responses if self.transaction.complete else ())
-        self.on = self.procedure.done
         if self.machine is not None:
             self._collect_events()
+        if self.procedure.done and self.checks and not self._checking:
+            self._checking = True
+            self.procedure = Steps(self.label, CHECK, self.codec, self.checks, self._clock)
+        self.on = self.procedure.done
         return self.on
 
     # -- the cycle ----------------------------------------------------------------------------

@@ -197,3 +197,61 @@ def test_what_was_not_confirmed_is_forgotten_once_a_drive_was_found_off(
     made.enable()
     assert made.driver.unconfirmed == {}
     made.driver.close()
+
+
+# -- a drive that forgets -------------------------------------------------------------------
+
+
+def cut_power_at(made: Rig, number: int, dip_ms: int) -> None:
+    """Cut the first drive's power before the host's request with this number."""
+
+    def hit(count: int) -> None:
+        if count == number:
+            made.line.drives[1].cut_power(made.clock.now_ns(), dip_ms * 1_000_000)
+
+    made.line.on_request = hit
+
+
+def whole_run(made: Rig, cycles: int) -> str:
+    """Bring up, run, leave; return why it ended early, '' if it did not."""
+    try:
+        made.enable()
+        for _ in range(cycles):
+            began = made.clock.now_ns()
+            made.driver.request()
+            made.driver.read(began + made.period_ns * 8 // 10)
+            fatal = [fault.text for fault in made.driver.faults() if fault.fatal]
+            if fatal:
+                return fatal[0]
+            made.driver.write([AxisCommand(0.2, 0.0)] * len(made.line.drives))
+            made.clock.sleep_until(began + made.period_ns)
+    except DriverError as err:
+        return str(err)
+    finally:
+        made.driver.close()
+    return ""
+
+
+@pytest.mark.parametrize("tcp", [True, False])
+@pytest.mark.parametrize("functions", [(3, 16), (3, 6, 16, 23)])
+@pytest.mark.parametrize(
+    "dip_ms", [50, *(pytest.param(each, marks=pytest.mark.slow) for each in (500, 5000))]
+)
+def test_a_power_cycle_at_any_request_is_told_or_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch, dip_ms: int, tcp: bool, functions: tuple[int, ...]
+) -> None:
+    whole = rig(monkeypatch, Drive(), tcp=tcp, functions=functions)
+    whole.enable()
+    bring_up = whole.line.requests
+    moments = [*range(bring_up + 8), *range(bring_up + 8, bring_up + 80, 9)]
+    told = 0
+    for number in moments:
+        made = rig(monkeypatch, Drive(), tcp=tcp, functions=functions)
+        cut_power_at(made, number, dip_ms)
+        ended = whole_run(made, 100 + dip_ms // 20)
+        assert not made.line.drives[1].unguarded, (number, ended)
+        assert not made.line.drives[1].on, (number, ended)
+        told += bool(ended)
+        if not ended:
+            assert made.line.drives[1].position > 0.1, (number, "it was driven to the end")
+    assert told >= len(moments) - bring_up

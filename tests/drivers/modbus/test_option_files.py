@@ -56,7 +56,7 @@ def test_an_eds_is_found_beside_the_rig_file_or_not_at_all(tmp_path: Path) -> No
     path = tmp_path / "rig.yaml"
     path.write_text((CONFIGS / "bench-canopen-virtual.yaml").read_text())
     word = "buses.can.options.nodes.0.eds=drive.eds"
-    with pytest.raises(ConfigError, match=f"master.lever: {tmp_path}/drive.eds: no such EDS"):
+    with pytest.raises(ConfigError, match=f"master.lever: {tmp_path}/drive.eds: no such file"):
         load_rig(path, [word])
     (tmp_path / "drive.eds").write_text("")
     rig = load_rig(path, [word])
