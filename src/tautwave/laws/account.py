@@ -147,9 +147,9 @@ def gate_bounds(
 def lets_go(p: AccountParams, asked: float, passed: float) -> bool:
     """Return whether an end lets go of what its law presses with.
 
-    `asked` and `passed` [N m or N]: sums over a window of the sizes of what the law asked for and
-    of what the account let through. A full account lets all of it through, an empty one nothing
-    that may give.
+    `asked` and `passed` [N m or N]: sums over a window of the sizes of what the law asked for, no
+    more than the limit, and of what the account let through. A full account lets all of it through,
+    an empty one nothing that may give.
     """
     return asked > p.window * p.felt and passed < HELD_SHARE * asked
 

@@ -21,8 +21,8 @@ GUARDS = {
     own.ACCOUNT_EMPTY: Guard(
         "account_empty",
         "lost its coupling",
-        "its energy account is empty and it let go of {found:.3g} {effort} that its law presses "
-        "with; motion of the hand refills it, and law wave holds without any",
+        "its energy account is empty and it let go of {found:.3g} {effort}; motion of the hand "
+        "refills it, and law wave holds without any",
     ),
 }
 

@@ -15,7 +15,7 @@ class AccountEnd:
     full tank, `granted` for noise. `passed` is the last effort let through [N m or N], `due` what
     noise takes from it [J]; `smooth` the device's velocity, smoothed [rad/s or m/s]. In this second
     so far `watched` efforts, their sizes as `asked` for and as they were `let` through [N m or N],
-    and the seconds before it in which the end `lost` its hold.
+    and the seconds before it in which the end `lost` its hold; `held`, the mean of the best second.
     """
 
     funds: float = 0.0
@@ -34,6 +34,7 @@ class AccountEnd:
     let: float = 0.0
     watched: int = 0
     lost: int = 0
+    held: float = 0.0
 
 
 @dataclass(slots=True)

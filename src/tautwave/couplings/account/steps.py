@@ -87,6 +87,7 @@ def start_account(s: AxisState, p: AxisParams) -> None:
     e.let = 0.0
     e.watched = 0
     e.lost = 0
+    e.held = 0.0
 
 
 def start(
@@ -324,17 +325,20 @@ def watch_hold(s: AxisState, p: AxisParams, asked: float, passed: float) -> None
     """Look whether the account holds what the law presses with; stop where it has let go."""
     e = s.end.account
     k = p.end.account
-    e.asked += math.fabs(asked)
+    e.asked += min(math.fabs(asked), p.site.limit.effort)
     e.let += math.fabs(passed)
     e.watched += 1
     if e.watched < k.window:
         return
+    e.held = max(e.held, e.let / k.window)
     e.lost += 1
     if not lets_go(k, e.asked, e.let):
         e.lost = 0
     if e.lost >= PATIENCE and s.alarm == 0:
         s.alarm = ACCOUNT_EMPTY
-        s.found = (e.asked - e.let) / k.window
+        s.found = e.asked / k.window
+        if e.held > k.felt:
+            s.found = e.held
         s.allowed = k.felt
     e.asked = 0.0
     e.let = 0.0
