@@ -24,7 +24,7 @@ ASKED = st.builds(
     compensated_coulomb=AMOUNT, compensated_damping=AMOUNT, paying_coulomb=AMOUNT,
     lift_effort=AMOUNT, wall_effort=AMOUNT | st.just(math.inf),
     wall_rate=AMOUNT | st.just(math.inf), wall_damping=AMOUNT | st.just(math.inf),
-    wall_controlled=st.booleans(), relies=st.booleans(),
+    wall_controlled=st.booleans(), relies=st.booleans(), wall_limit=UNBOUNDED,
 )  # fmt: skip
 
 
@@ -39,7 +39,9 @@ def test_efforts_and_rates_add_up_to_what_the_motor_has(has: Device, asks: Spend
     if math.isfinite(has.effort_rate):
         assert sum(rates) == pytest.approx(one.shared_rate, rel=1e-9)
         assert one.load_rate + one.shared_rate <= has.effort_rate * (1.0 + 1e-15)
-    if asks.relies:
+    if math.isfinite(asks.wall_limit):
+        assert one.wall_effort <= asks.wall_limit
+    elif asks.relies:
         assert one.wall_effort <= GREATEST_WALL_SHARE * one.shared_effort
 
 

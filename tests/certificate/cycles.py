@@ -21,18 +21,6 @@ Array = npt.NDArray[np.float64]
 OUTSIDE = ("master.a", "slave.a")
 
 
-class Friction(NamedTuple):
-    """What two devices take of any motion [N s/m, N], by end."""
-
-    damping: tuple[float, float]
-    coulomb: tuple[float, float] = (0.0, 0.0)
-
-    def taken(self, moves: Array, period: float) -> float:
-        """Return the least that displacements of shape (2, n) cost [J]."""
-        viscous = np.dot(self.damping, np.sum(moves * moves, axis=1)) / period
-        return float(viscous + np.dot(self.coulomb, np.sum(np.abs(moves), axis=1)))
-
-
 class Gain(NamedTuple):
     """What who moves both ends has of it [J]: `net` after friction, of a `gross` flow."""
 
@@ -42,6 +30,22 @@ class Gain(NamedTuple):
     @property
     def share(self) -> float:
         return self.net / self.gross if self.gross > 0.0 else 0.0
+
+
+class Friction(NamedTuple):
+    """What two devices take of any motion [N s/m, N], by end; `weights` of their energies [1]."""
+
+    damping: tuple[float, float]
+    coulomb: tuple[float, float] = (0.0, 0.0)
+    weights: tuple[float, float] = (1.0, 1.0)
+
+    def gain(self, efforts: Array, moves: Array, period: float) -> Gain:
+        """Return what held efforts gain over displacements, both of shape (2, n)."""
+        work = efforts * moves
+        viscous = np.multiply(self.damping, np.sum(moves * moves, axis=1)) / period
+        taken = viscous + np.multiply(self.coulomb, np.sum(np.abs(moves), axis=1))
+        net = np.dot(self.weights, np.sum(work, axis=1) - taken)
+        return Gain(float(net), float(np.dot(self.weights, np.sum(np.abs(work), axis=1))))
 
 
 def lap_of(rig: Rig, motion: Array, friction: Friction, settle: int) -> Gain:
@@ -62,13 +66,7 @@ def lap_of(rig: Rig, motion: Array, friction: Friction, settle: int) -> Gain:
             acting = one.step(dict(zip(OUTSIDE, places, strict=True)))
             if at >= begin:
                 efforts[:, at - begin] = [acting[name] for name in OUTSIDE]
-    return _gain(efforts, np.diff(path[:, begin:], axis=1), friction, rig.period_s)
-
-
-def _gain(efforts: Array, moves: Array, friction: Friction, period: float) -> Gain:
-    work = efforts * moves
-    net = float(np.sum(work)) - friction.taken(moves, period)
-    return Gain(net, float(np.sum(np.abs(work))))
+    return friction.gain(efforts, np.diff(path[:, begin:], axis=1), rig.period_s)
 
 
 def greedy_gain(rig: Rig, friction: Friction, kick: Sequence[float], periods: int) -> Gain:
@@ -86,7 +84,7 @@ def greedy_gain(rig: Rig, friction: Friction, kick: Sequence[float], periods: in
             efforts = np.array([acting[name] for name in OUTSIDE])
             driving = np.sign(efforts) * np.maximum(np.abs(efforts) - coulomb, 0.0)
             moves = np.array(kick) if at == 8 else driving * period / (2.0 * damping)
-            found = _gain(efforts[:, None], moves[:, None], friction, period)
+            found = friction.gain(efforts[:, None], moves[:, None], period)
             net, gross = net + found.net, gross + found.gross
             best = max(best, net)
             place = place + moves
@@ -156,17 +154,24 @@ class Suspected(NamedTuple):
     friction: Friction
     period: float
 
-    def lap(self, motion: Array) -> Gain:
-        """Return what one lap of a motion would gain."""
-        size = motion.shape[1]
+    def _asked(self, motion: Array) -> Array:
         asked = np.zeros_like(motion)
         for end, of, lag, value in self.taps:
-            asked[end] += value * np.roll(motion[of], lag % size)
+            asked[end] += value * np.roll(motion[of], lag % motion.shape[1])
+        return asked
+
+    def pressed(self, motion: Array) -> float:
+        """Return the greatest effort that a motion asks for, as a share of its clip."""
+        return float(np.max(np.abs(self._asked(motion)) / np.array(self.clips)[:, None]))
+
+    def lap(self, motion: Array) -> Gain:
+        """Return what one lap of a motion would gain."""
+        asked = self._asked(motion)
         sent = np.clip(asked.T, -np.array(self.clips), self.clips).T
         for end, (stiffness, place, clip) in enumerate(self.walls):
             sent[end] += np.clip(stiffness * (motion[end] - place), 0.0, clip)
         moves = np.roll(motion, -1, axis=1) - motion
-        return _gain(-sent, moves, self.friction, self.period)
+        return self.friction.gain(-sent, moves, self.period)
 
     def climb(self, draw: np.random.Generator, motion: Array, tries: int) -> tuple[Array, Gain]:
         """Return a motion that pays better, found by changes that pay."""

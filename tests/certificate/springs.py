@@ -10,15 +10,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.certificate import certify
+from tautwave.certificate import Certificate, certify
 from tautwave.config import Rig
 from tests.certificate.cycles import Friction, Suspected, drawn_motions, greedy_gain, lap_of
 from tests.rigs.running import Tree, rig_of
 
 SIDES = (("master", "hand"), ("slave", "arm"))
-EDGE_STEPS = 14
 ROUNDING = 1e-9
 """Of the gross flow: what a sum of some thousand terms is wrong by."""
+
+
+def with_damping(tree: Tree, side: str, damping: float) -> Tree:
+    """Return a rig with another damping at one side."""
+    return {**tree, side: {"axes": {"a": {**tree[side]["axes"]["a"], "damping": damping}}}}
 
 
 class Drawn(NamedTuple):
@@ -29,15 +33,20 @@ class Drawn(NamedTuple):
     stiffness: float
     memory: int
     bare: bool
+    gentle: bool = False
+    """Certified as long as it is not clipped."""
 
-    def at(self, factor: float) -> Tree:
+    @property
+    def rig(self) -> Rig:
+        """The rig."""
+        return rig_of(self.tree)
+
+    def times(self, factor: float) -> Drawn:
         """Return the rig with so much of its damping."""
-        out: Tree = {**self.tree}
+        out = self.tree
         for side, _ in SIDES:
-            axis = out[side]["axes"]["a"]
-            damping = axis["damping"] * factor
-            out[side] = {"axes": {"a": {**axis, "damping": damping}}}
-        return out
+            out = with_damping(out, side, factor * out[side]["axes"]["a"]["damping"])
+        return self._replace(tree=out)
 
 
 def drawn(seed: int, *, bare: bool = False) -> Drawn:
@@ -123,19 +132,26 @@ def _add(
 
 def is_certified(drawn: Drawn) -> bool:
     """Return whether the rig is passive as it was drawn."""
-    return certify(rig_of(drawn.tree)).verdicts["passive"].passed
+    return certify(drawn.rig).verdicts["passive"].passed
 
 
-def edge_of(drawn: Drawn) -> tuple[Rig, float] | None:
-    """Return the rig at the edge of its certificate, and which share of its damping that takes."""
-    if not is_certified(drawn):
+def edge_of(drawn: Drawn) -> tuple[Drawn, Certificate] | None:
+    """Return the rig at the edge of its certificate: what both devices can spare is taken away."""
+    rig = rig_of(drawn.tree)
+    certificate = certify(rig)
+    if not certificate.verdicts["passive"].passed:
         return None
-    low, high = 1e-4, 1.0
-    for _ in range(EDGE_STEPS):
-        middle = (low * high) ** 0.5
-        passed = certify(rig_of(drawn.at(middle))).verdicts["passive"].passed
-        low, high = (low, middle) if passed else (middle, high)
-    return rig_of(drawn.at(high)), high
+    [coupling] = [one for one in certificate.elements if one.kind == "coupling"]
+    numbers = coupling.numbers
+    gentle = numbers["clipped_short"] > 0.0
+    spare = -numbers["short" if gentle else "clipped_short"] - 1e-9 * max(numbers["damping_left"])
+    out = drawn.tree
+    for side, _ in SIDES:
+        axis, pair = rig.axes[f"{side}.a"], rig.coupling.pairs["a"]
+        own = 0.0 if axis.compensation is None else axis.compensation.viscous
+        less = pair.in_device_units(side, spare) / (1.0 - own)
+        out = with_damping(out, side, axis.damping.lower - less)
+    return drawn._replace(tree=out, gentle=gentle), certificate
 
 
 class Attack(NamedTuple):
@@ -146,11 +162,12 @@ class Attack(NamedTuple):
 
 
 def friction_of(rig: Rig) -> Friction:
-    """Return what both devices have for certain."""
-    axes = [rig.axes[f"{side}.a"] for side, _ in SIDES]
+    """Return what both devices have for certain, and how a scaled pair counts their energies."""
+    axes, pair = [rig.axes[f"{side}.a"] for side, _ in SIDES], rig.coupling.pairs["a"]
     return Friction(
         (axes[0].damping.lower, axes[1].damping.lower),
         (axes[0].coulomb.lower, axes[1].coulomb.lower),
+        (1.0, 1.0 / (pair.effective_force_scale * pair.position_scale)),
     )
 
 
@@ -190,8 +207,9 @@ def suspected(drawn: Drawn, rig: Rig, *, alike: bool) -> Suspected:
     return Suspected(taps, (clips[0], clips[1]), (walls[0], walls[1]), friction_of(rig), period)
 
 
-def attack(drawn: Drawn, rig: Rig, seed: int, *, tries: int = 60, climbed: int = 2) -> Attack:
+def attack(drawn: Drawn, seed: int, *, tries: int = 60, climbed: int = 2) -> Attack:
     """Move both ends of a rig in every way that may pay, and return what paid best."""
+    rig = drawn.rig
     draw = np.random.default_rng(seed)
     pair: Any = rig.coupling.pairs["a"]
     found, motions = -1.0, 0
@@ -203,9 +221,11 @@ def attack(drawn: Drawn, rig: Rig, seed: int, *, tries: int = 60, climbed: int =
         starts.sort(key=lambda motion: -model.lap(motion).share)
         for start in starts[:climbed]:
             best, _ = model.climb(draw, start, tries)
+            if drawn.gentle:
+                best = best * min(1.0, 0.9 / max(model.pressed(best), 0.1))
             gain = lap_of(rig, best, model.friction, drawn.memory)
             found, motions = max(found, gain.share), motions + 1
-    if rig.axes["master.a"].load is None and rig.axes["slave.a"].load is None:
+    if not drawn.gentle and rig.axes["master.a"].load is None and rig.axes["slave.a"].load is None:
         kick = 0.3 * stretch * draw.normal(size=2)
         gain = greedy_gain(rig, model.friction, kick, 400)
         found, motions = max(found, gain.share), motions + 1

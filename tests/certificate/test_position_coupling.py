@@ -8,13 +8,19 @@ import numpy as np
 import pytest
 
 from tautwave.analysis.ports.sampled_loop import Device, close_loop, position_end
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate import Element
-from tautwave.couplings.position.verdict import damping_between
 from tests.analysis.ends import site_of
 from tests.certificate.rigs import certified, element
 
 RIG = "bench-position-coupling"
 LINE = "coupling.delay_s=0"
+
+
+def damping_between(first: float, second: float) -> float:
+    """Damping of the relative motion of two damped devices."""
+    return first * second / (first + second)
 
 
 def soft(stiffness: float, damping: float = 0.0, *more: str) -> tuple[str, ...]:
@@ -41,14 +47,15 @@ def test_a_scaled_slave_counts_as_the_master_feels_it() -> None:
     """A slave that turns half as far: a quarter of its damping, at force scale two."""
     scaled = "coupling.pairs.lever={stiffness: 1.0, damping: 0, position_scale: 0.5}"
     numbers = coupling(LINE, scaled).numbers
-    leverage = numbers["stiffness"][1] / numbers["stiffness"][0]
-    assert numbers["damping"] == pytest.approx([2e-3, 2e-3 / leverage])
+    assert numbers["damping_left"] == pytest.approx([2e-3, 2e-3 * 0.5 / 2.0])
 
 
 def test_a_wall_takes_its_damping_first() -> None:
+    """Half a period of 2 N m/rad takes half of the master's; the rest covers 4/3 N m/rad."""
     wall = "coupling.pairs.lever.wall_master={position: 0.3, stiffness: 2.0}"
     assert coupling(*soft(1.5)).passive.passed
-    assert not coupling(*soft(1.5), wall).passive.passed
+    assert coupling(*soft(1.33), wall).passive.passed
+    assert not coupling(*soft(1.34), wall).passive.passed
 
 
 def test_with_a_delay_or_a_filter_the_law_itself_is_asked() -> None:
@@ -62,9 +69,17 @@ def test_with_a_delay_or_a_filter_the_law_itself_is_asked() -> None:
 
 def test_late_commands_cost_what_they_cost_a_wall() -> None:
     late = "buses.bench.options={command_delay_s: 0.001}"
-    assert coupling(*soft(0.6, 0.0, late)).numbers["needed_damping"] == pytest.approx(
-        0.6 * 1e-3 * 1.5, rel=1e-6
-    )
+    needed = coupling(*soft(0.6, 0.0, late)).numbers["clipped_needed"]
+    assert needed == pytest.approx(2.0 * 0.6 * 1e-3 * 1.5, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
+def test_a_fraction_of_a_period_costs_what_it_costs_a_wall(share: float) -> None:
+    """Two equal devices are one of half the damping, on the wall that their motion feels."""
+    late = f"buses.bench.options={{command_delay_s: {share * 1e-3}}}"
+    wall = wall_leak(SampledWall(0.6, 0.0, 1e-3, share)).damping
+    needed = coupling(*soft(0.6, 0.0, late)).numbers["clipped_needed"]
+    assert needed == pytest.approx(2.0 * wall, rel=1e-6)
 
 
 def spectral_radius(stiffness: float, damping: float, one: Device, two: Device) -> float:

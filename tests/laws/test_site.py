@@ -139,6 +139,15 @@ def test_coupler_is_a_spring_and_a_damper() -> None:
     assert wall == 0.0
 
 
+def test_what_a_clip_cuts_off_still_counts_as_asked_for() -> None:
+    """So a limit does not rise while a coupling is clipped."""
+    motion = (0.0, 0.03, 0.5, 0.5, 0.0, 0.0, 0.0)
+    axis = site(spring=(100.0, 2.0), delay=1, limit=WIDE._replace(effort=50.0))
+    axis.params = axis.params._replace(site=axis.params.site._replace(clip=1.0))
+    total, port, _, asked = think_position(axis, *motion, far=(0.01, 0.1), ceiling=25.0)
+    assert (total, port, asked) == pytest.approx((0.5, 0.5, 2.8))
+
+
 def test_under_a_limit_wall_and_coupler_share_what_is_sent() -> None:
     """Their shares add up to it; a coupler that pushes with the wall gives way first."""
     stiff = WALL._replace(damping=0.0)

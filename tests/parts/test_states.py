@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.certificate import certify
+from tautwave.certificate.tuning.answers import reads_sensors
+from tautwave.certificate.tuning.two_port import tuning
 from tautwave.config import Rig, load_rig
 from tautwave.controller import seen
 from tautwave.controller.records import AxisState, PairState
@@ -208,9 +210,12 @@ def test_of_a_law_that_reads_sensors_nothing_is_known_by_tuning() -> None:
     """Its spring and damper alone, which the encoder sees, would pass with that much damping."""
     damped = [f"{side}.axes.lever.damping=1" for side in ("master", "slave")]
     damped += [f"simulation.axes.{side}.lever.damping=1" for side in ("master", "slave")]
-    found = certify(four_channels("measured", *damped, account="null", rejection=0.0))
-    assert not found.verdicts["passive"].passed
-    assert "reads an effort sensor" in found.verdicts["passive"].reason
+    rig = four_channels("measured", *damped, account="null", rejection=0.0)
+    assert reads_sensors(rig, "lever", command_delays(rig))
+    assert tuning(rig, "lever", command_delays(rig)) is None
+    observed = four_channels("observed", *damped, account="null", rejection=0.0)
+    assert not reads_sensors(observed, "lever", command_delays(observed))
+    assert not certify(rig).verdicts["passive"].passed
     plain = load_rig(
         BENCH, ["coupling={law: position, pairs: {lever: {stiffness: 20, damping: 0.1}}}", *damped]
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tautwave import load_rig
-from tautwave.laws.limit import AT_LIMIT, RAMPED, RATE_LIMITED, STEPPED, STOPPED
+from tautwave.laws.limit import AT_LIMIT, CLIPPED, RAMPED, RATE_LIMITED, STEPPED, STOPPED
 from tests.rigs.row_hashes import ROOT
 from tests.rigs.running import BASE, Tree, rig_of, run_rig, tree
 from tests.simulation.live import assert_equal
@@ -33,12 +33,13 @@ PULLED = tree(
 @pytest.mark.parametrize(
     ("change", "bit"),
     [
-        ({"master.axes.a.effort_limit": 0.5}, AT_LIMIT),
+        ({"master.axes.a.effort_limit": 0.5}, AT_LIMIT + CLIPPED),
+        ({"slave.axes.a.effort_limit": 0.5}, CLIPPED),
         ({"master.axes.a.effort_rate_limit": 20.0}, RATE_LIMITED),
         ({"master.axes.a.effort_quantum": 0.1}, STEPPED),
         ({"coupling.engage_ramp_s": 5.0, "master.axes.a.effort_limit": 20.0}, RAMPED),
     ],
-    ids=["limit", "rate", "steps", "ramp"],
+    ids=["limit", "far limit", "rate", "steps", "ramp"],
 )
 def test_each_limit_shows_in_the_rows_of_either_engine(change: Tree, bit: int) -> None:
     free = assert_equal(rig_of(PULLED), "python")
@@ -46,9 +47,10 @@ def test_each_limit_shows_in_the_rows_of_either_engine(change: Tree, bit: int) -
     run = assert_equal(rig_of(tree(change, base=PULLED)), "python")
     of_master = run["master.a.limited"]
     assert set(np.unique(of_master)) == {0.0, float(bit)}
-    assert not run["slave.a.limited"].any()
-    if bit == AT_LIMIT:
-        assert (np.abs(run["master.a.commanded"][of_master == AT_LIMIT]) == 0.5).all()
+    clipped = bit & CLIPPED
+    assert bool(run["slave.a.limited"].any()) == (bit in (CLIPPED, AT_LIMIT + CLIPPED, RAMPED))
+    if clipped:
+        assert (np.abs(run["master.a.commanded"][of_master == bit]) == 0.5).all()
 
 
 def test_a_velocity_that_is_cut_shows_too() -> None:
@@ -71,6 +73,6 @@ def test_a_stop_acts_in_place_of_coupling_and_wall() -> None:
     rig = rig_of(tree(change, base=PULLED))
     run = run_rig(rig, raises=False)
     out = int(np.flatnonzero(run["master.a.position"] > 0.05)[0])
-    assert set(run["master.a.limited"][out - 5 : out]) == {AT_LIMIT}
+    assert set(run["master.a.limited"][out - 5 : out]) == {AT_LIMIT + CLIPPED}
     assert set(run["master.a.limited"][out:]) == {STOPPED}
     assert set(run["slave.a.limited"][out + 1 :]) == {STOPPED}

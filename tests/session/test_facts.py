@@ -68,7 +68,7 @@ def test_a_pair_and_its_axes_are_given_in_units_of_their_kind(
 def test_a_position_coupling_is_told_with_its_gains_where_they_are_known() -> None:
     found = rig("coupling.delay_s=0.02", name="bench-position-coupling")
     said = coupling_messages(found)
-    bare = "positions, 0.02 s each way (not passive: for comparison)"
+    bare = "positions, 0.02 s each way (passive by its tuning, if at all)"
     assert found.coupling.account is None
     assert said.coupling(found) == bare
     kept = rig("coupling.delay_s=0.02", "coupling.account={}", name="bench-position-coupling")

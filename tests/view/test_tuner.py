@@ -99,13 +99,23 @@ LEVERS = BENCH.parent / "bench-position-coupling.yaml"
 
 
 @pytest.mark.parametrize("law", ["position", "pd_damping"])
-def test_a_limit_of_a_law_that_is_passive_by_tuning_stays(law: str) -> None:
+def test_a_limit_of_a_law_that_clips_both_ends_alike_is_certified_anew(
+    law: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[float] = []
+
+    async def certify(rig: Rig, changed: Rig, hardware: Any) -> None:
+        seen.append(changed.slave.axes["lever"].effort_limit)
+
+    monkeypatch.setattr(tuner, "_certify", certify)
     keys = f"coupling={{law: {law}, pairs: {{lever: {{stiffness: 1.0, damping: 0.0}}}}}}"
-    rig = load_rig(LEVERS, ["require=passive", keys])
+    rig, desk = load_rig(LEVERS, ["require=passive", keys]), Desk(1)
     asked = tuner.Asked({LIMIT: 1.1}, {LIMIT: 1.1}, {LIMIT: 0.5}, {LIMIT})
-    run: Any = SimpleNamespace(facts={"tuning": {"hardware": [], "knobs": [{"path": LIMIT}]}})
-    with pytest.raises(NotCertifiedError, match=f"law {law} is passive only while both motors"):
-        asyncio.run(tune(run, rig, asked))
+    facts = {"hardware": [], "knobs": [{"path": LIMIT}], "desk": desk.address}
+    run: Any = SimpleNamespace(facts={"tuning": facts})
+    assert "effort_limit 0.5" in asyncio.run(tune(run, rig, asked))
+    assert seen == [0.5, 1.1]
+    desk.close()
 
 
 def test_a_changed_rig_is_checked_as_a_rig_file_is() -> None:

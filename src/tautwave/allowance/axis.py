@@ -82,6 +82,8 @@ class Spending(NamedTuple):
         Greatest effort that takes inertia off [N m or N].
     wall_effort, wall_rate : float
         The most that a local wall asks for [N m or N], and how fast it changes [N m/s or N/s].
+    wall_limit : float
+        The most that it is given, where the rig says so [N m or N]; inf: not said.
     wall_damping : float
         What the wall takes of the device's damping; inf if no damping makes it passive.
     wall_controlled : bool
@@ -100,6 +102,7 @@ class Spending(NamedTuple):
     lift_effort: float = 0.0
     wall_effort: float = 0.0
     wall_rate: float = 0.0
+    wall_limit: float = math.inf
     wall_damping: float = 0.0
     wall_controlled: bool = False
     relies: bool = False
@@ -216,6 +219,8 @@ def share_out(has: Device, asks: Spending) -> AxisAllowance:
     shared_rate = (1.0 - LOAD_SHARE if asks.carries else 1.0) * has.effort_rate
 
     most = GREATEST_WALL_SHARE * shared_effort if asks.relies else shared_effort
+    if math.isfinite(asks.wall_limit):
+        most = min(asks.wall_limit, shared_effort)
     wall = min(asks.wall_effort, most)
     friction = 0.0
     if asks.compensated_damping > 0.0:

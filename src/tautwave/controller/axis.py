@@ -15,8 +15,16 @@ from tautwave.controller.inertia import close_inertia, lighten, start_inertia
 from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
 from tautwave.laws.compensation import compensation_effort
-from tautwave.laws.limit import NOT_A_NUMBER, guard_axis, limit_effort, limited_by
+from tautwave.laws.limit import (
+    CLIPPED,
+    NOT_A_NUMBER,
+    RAMPED,
+    guard_axis,
+    limit_effort,
+    limited_by,
+)
 from tautwave.laws.site import (
+    clip_coupling,
     held_effort,
     limit_site,
     limit_velocity,
@@ -298,12 +306,21 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     if s.alarm != 0:
         stop_coupled(s, p, ceiling, steps)
         return s.alarm
+    asked = port
+    port = clip_coupling(site, asked, ceiling, p.ceiling)
+    cut = asked - port
     if site.compensates or site.lightens:
         port = port + support
     total, port, wall, wanted = limit_site(site, wall, port, s.total, ceiling)
     s.limited = 0
     if total != wanted or math.fabs(wanted) >= site.limit.effort:
         s.limited = limited_by(site.limit, wanted, s.total, ceiling)
+    if cut != 0.0:
+        if -site.clip <= asked <= site.clip:
+            s.limited = s.limited | RAMPED
+        else:
+            s.limited = s.limited | CLIPPED
+        wanted = wanted + cut
     if site.compensates or site.lightens:
         port = port - support
     s.asked = wanted

@@ -237,6 +237,7 @@ def seen_law(
     signals: Sequence[str] = (),
     fill_signals: Callable[..., int] = fill_no_signals,
     guards: dict[int, Guard] | None = None,
+    alike: bool = False,
 ) -> Law:
     """Return a law of what each side sees of the other.
 
@@ -259,7 +260,7 @@ def seen_law(
     shown : callable
         ``shown(s)``: what the far side sees as position and velocity, for a law that says something
         else in their place.
-    holding, signals, fill_signals, guards
+    holding, signals, fill_signals, guards, alike
         As in `Law`.
     """
     own = {"law_begin": begin, "law_keep": keep, "law_spring": spring}
@@ -284,4 +285,5 @@ def seen_law(
         spring=spring,
         shown=shown,
         holding=holding,
+        alike=alike,
     )

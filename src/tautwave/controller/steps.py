@@ -210,7 +210,8 @@ class Law(NamedTuple):
     `rings`: places of the delay line in the table per slot of delay. `spring`: of a law that
     `controller.seen` makes, its stiffness for the books, and what a side shows for position and
     velocity; None for any other. `holding`: of a law that renders something by itself. `rescaling`:
-    of one whose scale may change while it runs.
+    of one whose scale may change while it runs. `alike`: its ends are those of one spring, and what
+    they send is clipped at one constant.
     """
 
     name: str = ""
@@ -225,6 +226,7 @@ class Law(NamedTuple):
     shown: Callable[[AxisState], tuple[float, float]] | None = None
     holding: Holding | None = None
     rescaling: Rescaling | None = None
+    alike: bool = False
 
 
 class SiteLaw(NamedTuple):

@@ -34,7 +34,8 @@ class SiteParams(NamedTuple):
     `period` from one sample to the next [s]; `half_mobility` = T / (2 mass lower bound), 0 without
     one; `gain` is the velocity tracker's (1: plain difference); `velocity_quantum` is the drive's
     (0: none). `compensation` of the device's friction, if it `compensates`; `inertia` that is
-    taken off, if it `lightens`.
+    taken off, if it `lightens`. `clip` and `wall_clip` are what the coupling's effort and the
+    wall's are clipped at, each by itself [N m or N]; infinite: by the limits of both alone.
     """
 
     period: float
@@ -48,6 +49,8 @@ class SiteParams(NamedTuple):
     compensates: bool = False
     inertia: InertiaParams = NO_INERTIA
     lightens: bool = False
+    clip: float = math.inf
+    wall_clip: float = math.inf
 
 
 def render_wall(
@@ -81,10 +84,33 @@ def render_wall(
     depth = wall_depth(p.wall, position)
     if not depth > 0.0:
         return 0.0
-    wall = clamp(wall_effort(p.wall, depth, velocity), effort_bound(p.limit, ceiling))
+    bound = effort_bound(p.limit, ceiling)
+    if p.wall_clip < math.inf:
+        share = p.wall_clip * (ceiling / p.limit.effort)
+        if share < bound:
+            bound = share
+    wall = clamp(wall_effort(p.wall, depth, velocity), bound)
     if p.wall.controlled or owes:
         wall = control_wall(p.wall, wall, energy, coast, p.half_mobility, p.period)
     return wall
+
+
+def clip_coupling(p: SiteParams, asked: float, ceiling: float, whole: float) -> float:
+    """Return what a coupling may send of what it asks for [N m or N].
+
+    Parameters
+    ----------
+    p : SiteParams
+        Constants.
+    asked : float
+        Resisting effort that it asks for [N m or N].
+    ceiling, whole : float
+        Present effort ceiling of the engage ramp, and the one at its end [N m or N]: both ends of a
+        pair are at the same share of it.
+    """
+    if not p.clip < math.inf:
+        return asked
+    return clamp(asked, p.clip * (ceiling / whole))
 
 
 def limit_site(

@@ -7,6 +7,7 @@ from tautwave.rig.assembly import (
     cycles_in,
     make_clock,
 )
+from tautwave.rig.clips import pair_clip
 from tautwave.rig.controller import (
     NO_WALL,
     axis_names,
@@ -87,6 +88,7 @@ __all__ = [
     "make_control",
     "one_way_delay",
     "overlaid",
+    "pair_clip",
     "pair_params",
     "pair_scale",
     "real_buses",

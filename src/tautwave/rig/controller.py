@@ -20,6 +20,7 @@ from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig.allowance.filling import axis_allowance, wall_push
+from tautwave.rig.clips import clips
 from tautwave.rig.network import trace_of
 from tautwave.rig.parts import coupling_part
 from tautwave.rig.scales import pair_scale, slave_offset
@@ -171,7 +172,10 @@ def site_params(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     axis = rig.axes[axis_name]
     keys = rig.coupling.pairs[name]
     wall = keys.wall_master if side == "master" else keys.wall_slave
+    clip, wall_clip = clips(rig, axis_name, alike=coupling_law(rig).alike)
     return bare_site(rig, axis_name, delay)._replace(
+        clip=clip,
+        wall_clip=wall_clip,
         wall=wall_params(rig, axis_name, delay),
         velocity_quantum=axis.velocity_quantum if axis.causality == "admittance" else 0.0,
         has_wall=wall is not None,

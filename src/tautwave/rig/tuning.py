@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 from tautwave import registry
 from tautwave.config import Rig, local_wall
+from tautwave.rig.controller import coupling_law
 from tautwave.rig.parts import coupling_part
 from tautwave.runtime.control import Control
 from tautwave.runtime.tuning.knobs import Knob, Turning, ceiling_knob, coupling_knob, wall_knob
@@ -74,8 +75,10 @@ def _knob(
             return None
         which = places[axis_name]
         limit = control.params[which].ceiling
+        alike = rig.scene is None and coupling_law(rig).alike
         unit = _effort(rig, axis_name)
-        turning = ceiling_knob(control, which)
+        pair = (places[f"master.{words[2]}"], places[f"slave.{words[2]}"]) if alike else ()
+        turning = ceiling_knob(control, which, pair)
         column = f"tuning.{axis_name}.effort_ceiling"
         return Knob(path, column, unit, when, limit, LEAST_CEILING * limit, limit, turning)
     name = words[2]

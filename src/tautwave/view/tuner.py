@@ -87,9 +87,8 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
         It is not certified, in the certificate's words.
     """
     facts = run.facts["tuning"]
-    wanted, corner = _certified(asked.wanted), _certified(asked.corner)
+    wanted, corner = _certified(rig, asked.wanted), _certified(rig, asked.corner)
     changed = [path for path, value in asked.wanted.items() if value != asked.way[path]]
-    _keep_alike(rig, changed)
     if any(path in wanted for path in changed):
         sets = [wanted] if corner == wanted else [wanted, corner]
         rigs = (one for values in sets for one in at_every_scale(rig, values))
@@ -106,21 +105,17 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
     return ", ".join(f"{path} {asked.wanted[path]:g}" for path in changed) or "nothing changes"
 
 
-def _certified(values: Mapping[str, float]) -> dict[str, float]:
-    """Leave out effort limits: below that of the rig its certificate holds as it is."""
-    return {path: value for path, value in values.items() if not path.endswith(".effort_limit")}
+def _certified(rig: Rig, values: Mapping[str, float]) -> dict[str, float]:
+    """Leave out effort limits, below that of the rig its certificate holds as it is.
+
+    Not so where both ends of a pair are clipped alike: how far depends on both limits.
+    """
+    kept = rig.scene is None and coupling_law(rig).alike
+    return {path: value for path, value in values.items() if kept or not _is_limit(path)}
 
 
-def _keep_alike(rig: Rig, changed: Collection[str]) -> None:
-    """Refuse a change after which the two motors of a law that is passive by tuning are unlike."""
-    limits = [path for path in changed if path.endswith(".effort_limit")]
-    tuned = rig.coupling.account is None and coupling_law(rig).spring is not None
-    if limits and tuned and rig.require != "coupled_stable":
-        raise NotCertifiedError(
-            f"{limits[0]}: law {rig.coupling.law} is passive only while both motors have the same "
-            "left for the coupling, and limits change one after the other; change both between "
-            "runs"
-        )
+def _is_limit(path: str) -> bool:
+    return path.endswith(".effort_limit")
 
 
 def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:

@@ -1,1 +1,1 @@
-"""Laws of positions that are passive by their tuning: the sampled two-port, and the verdict."""
+"""Laws of positions that are passive by their tuning: their answers, their needs, the verdict."""

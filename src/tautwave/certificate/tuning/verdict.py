@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from tautwave.certificate.belief import SIDES, assumed, broken_damping
+from tautwave.analysis.claim import joules
+from tautwave.certificate.belief import SIDES, broken_damping
 from tautwave.certificate.data import Element, Verdict
-from tautwave.certificate.tuning.limits import too_long, unlike_ends
-from tautwave.certificate.tuning.two_port import Tuning, tuning
-from tautwave.config import Rig
-from tautwave.rig import axis_allowance
+from tautwave.certificate.tuning.conditions import (
+    conditions_of,
+    engagement_joules,
+    stall_sentence,
+)
+from tautwave.certificate.tuning.two_port import Tuning, coupling_damping, tuning
+from tautwave.config import Rig, local_wall
+from tautwave.rig import axis_allowance, coupling_law, pair_clip
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -19,42 +24,51 @@ Delays = Mapping[str, CommandDelay]
 def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     """Return the coupling of a pair as an element; `remedy` ends the sentence of one that fails."""
     head = f"coupling of {pair}"
-    why = too_long(rig)
+    why = _uncovered(rig)
     found = tuning(rig, pair, delays) if why is None else None
     if found is None:
-        if why is None:
-            why = (
-                "commands act after a fractional period, or its law does not come to rest, or it "
-                "reads an effort sensor"
-            )
-        if rig.link is not None:
-            why = "over a network its delay is not known"
-        verdict = Verdict(False, f"{head}: not evaluated: {why}. {remedy}")
+        why = why or (
+            "an axis takes no effort or is served by a slow bus, or the law does not come to rest, "
+            "or reads an effort sensor"
+        )
+        verdict = Verdict(False, f"{head}: not certified: {why}. {remedy}")
         return Element(head, "coupling", pair, verdict, verdict, {}, (verdict.reason,))
     names = [f"{side}.{pair}" for side in SIDES]
+    clipped = found.clipped_short <= 0.0
+    margin = -min(found.short, found.clipped_short)
     numbers = {
         **found._asdict(),
         "damping": [axis_allowance(rig, name, delays[name]).free_damping for name in names],
+        "damping_left": list(coupling_damping(rig, pair, delays)),
+        "clip": pair_clip(rig, pair),
     }
     text = f"{head}: {tuning_sentence(rig, pair, found)}"
-    broken = [said for name in names if (said := broken_damping(rig, name)) is not None]
+    broken = [f"{name}, {why}" for name in names if (why := broken_damping(rig, name)) is not None]
     if broken:
-        verdict = Verdict(False, f"{head}: {broken[0]}", margin=-found.short)
-    elif found.short > 0.0:
-        verdict = Verdict(False, f"{text} {remedy}", margin=-found.short)
-    elif (unlike := unlike_ends(rig, pair)) is not None:
-        verdict = Verdict(False, f"{head}: not passive: {unlike}.", margin=-found.short)
+        verdict = Verdict(False, f"{head}: {broken[0]}", margin=margin)
+    elif not clipped and found.short > 0.0:
+        verdict = Verdict(False, f"{text} {remedy}", margin=margin)
+    elif not clipped and found.hears and (beside := _beside(rig, pair)) is not None:
+        verdict = Verdict(
+            False,
+            f"{head}: not certified: its filtered velocities are predicted from all that is sent, "
+            f"so {beside} would enter its spring; remove that or velocity_filter_s",
+            margin=margin,
+        )
     else:
-        conditions = [
-            said for name in names for said in assumed(rig.axes[name], name, damping=True)
-        ]
-        conditions += [
-            f"the effort_rate_limit of {name} is not reached in the coupling"
-            for name in names
-            if rig.axes[name].effort_rate_limit is not None
-        ]
         numbers["holds"] = "by tuning"
-        verdict = Verdict(True, text, tuple(conditions), -found.short)
+        text += stall_sentence(rig, pair, delays)
+        conditions = list(conditions_of(rig, pair, delays, found))
+        engaging = engagement_joules(rig, pair, found.stiffness, delays)
+        if math.isinf(engaging):
+            conditions.append(
+                f"the ends of {pair} are not moved apart while it engages; with velocity limits "
+                "and engage_tolerance what that gives could be stated"
+            )
+        elif engaging > 0.0:
+            numbers["engage_j"] = engaging
+            text += f" Each engagement may supply up to {joules(engaging)} more."
+        verdict = Verdict(True, text, tuple(conditions), margin)
     quantised = verdict
     if verdict.passed and any(rig.axes[name].encoder_quantum for name in names):
         quantised = Verdict(
@@ -63,24 +77,65 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     return Element(head, "coupling", pair, verdict, quantised, numbers, (verdict.reason,))
 
 
+def _uncovered(rig: Rig) -> str | None:
+    """Return why a law cannot be passive by its tuning, as a clause."""
+    if rig.link is not None:
+        return "over a network its delay is not known"
+    if not coupling_law(rig).alike:
+        return (
+            f"law {rig.coupling.law} does not send the efforts of one spring to both ends, which "
+            "the proof by tuning is of"
+        )
+    return None
+
+
+def _beside(rig: Rig, pair: str) -> str | None:
+    """Return what else is sent to a pair's motors than its coupling, as a noun."""
+    for side in SIDES:
+        name = f"{side}.{pair}"
+        if local_wall(rig, name) is not None:
+            return f"the wall of {name}"
+        if rig.axes[name].compensation is not None:
+            return f"the compensation of {name}"
+    return None
+
+
 def tuning_sentence(rig: Rig, pair: str, found: Tuning) -> str:
     """Return what a law needs and what its devices have, as a sentence."""
     unit = "N m s/rad" if rig.master.axes[pair].kind == "rotary" else "N s/m"
-    if found.short <= 0.0:
+    if found.clipped_short <= 0.0:
         return (
-            "passive by tuning for any hand and environment: sampled, with delays, it needs "
-            f"{found.needed:.4g} {unit} of each device if both have equal damping, and they have "
-            f"{-found.short:.4g} to spare."
+            "passive by tuning for any hand and environment, also where it is clipped: sampled, "
+            f"with delays, it needs {found.clipped_needed:.4g} {unit} of each device if both have "
+            f"equal damping, and they have {-found.clipped_short:.4g} to spare."
         )
-    if math.isinf(found.needed):
+    if found.short <= 0.0:
+        more = ""
+        if math.isfinite(found.clipped_short):
+            more = (
+                f" Clipped as well it would need {found.clipped_needed:.4g}; both lack "
+                f"{found.clipped_short:.4g}."
+            )
+        return (
+            "passive by tuning for any hand and environment as long as it is not clipped: sampled, "
+            f"with delays, it needs {found.needed:.4g} {unit} of each device if both have equal "
+            f"damping, and they have {-found.short:.4g} to spare.{more}"
+        )
+    needed, short = found.needed, found.short
+    if math.isinf(needed):
+        needed, short = found.clipped_needed, found.clipped_short
+    if math.isinf(needed):
         return "not passive: no amount of device damping suffices at low frequencies."
     apart = (
         "with a hand and an environment that do not touch each other it is still stable."
         if found.short_apart <= 0.0
-        else f"even for a hand and an environment that do not touch each other both lack "
+        else "even for a hand and an environment that do not touch each other both lack "
         f"{found.short_apart:.4g}."
     )
+    if math.isinf(found.short_apart):
+        apart = "of commands that act after a fraction of a period no more is known."
+    at = f", worst at {found.at:.3g} Hz" if math.isfinite(found.needed) else ""
     return (
-        f"not passive: sampled, with delays, it would need {found.needed:.4g} {unit} of each "
-        f"device, worst at {found.at:.3g} Hz; both lack {found.short:.4g}; {apart}"
+        f"not passive: sampled, with delays, it would need {needed:.4g} {unit} of each "
+        f"device{at}; both lack {short:.4g}; {apart}"
     )

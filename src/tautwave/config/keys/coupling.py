@@ -49,6 +49,12 @@ class Wall(Block):
         default=False,
         description="Dissipate at once any energy created by sampling (passivity controller).",
     )
+    effort_limit: Positive | None = Field(
+        default=None,
+        description="[N m | N] Most that the wall may use of the motor. Default: all that a load "
+        "leaves; under law position or pd_damping without an account half of it, for their spring "
+        "has to be sure of the other half.",
+    )
     derate: bool = Field(
         default=False,
         description="Render the stiffest wall that the certificate allows where `stiffness` is "

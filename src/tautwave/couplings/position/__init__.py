@@ -4,7 +4,7 @@ from tautwave.contracts import CouplingPlugin
 from tautwave.couplings.over_link import LINKED
 
 plugin = CouplingPlugin(
-    summary="spring and damper between delayed positions, for comparison; never passive",
+    summary="spring and damper between delayed positions, passive by tuning where it is soft",
     keys="tautwave.couplings.position.keys:PositionCoupling",
     law="tautwave.couplings.position.steps:law",
     over_link="tautwave.couplings.position.linked:law",

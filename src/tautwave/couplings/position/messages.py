@@ -12,7 +12,7 @@ from tautwave.wording import CouplingMessages
 
 def _coupling(rig: Rig) -> str:
     text = f"positions, {rig.coupling.delay_s:g} s each way"
-    return text if rig.coupling.account else f"{text} (not passive: for comparison)"
+    return text if rig.coupling.account else f"{text} (passive by its tuning, if at all)"
 
 
 def _pair(

@@ -31,4 +31,4 @@ def effort(s: AxisState, p: AxisParams, coast: float) -> float:
     )
 
 
-law = seen_law("position", effort, spring=spring)
+law = seen_law("position", effort, spring=spring, alike=True)

@@ -1,7 +1,8 @@
 """Laws of positions, velocities and efforts: position-force, PD with damping, four channels.
 
 One set of steps serves all three (`steps`); they differ in their keys and in which gains those
-make. None is passive under delay without an account (`coupling.account`).
+make. Without an account (`coupling.account`) pd_damping may be passive by its tuning, the others
+are not certified.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return at + 1
 
 
-def _law(name: str) -> Law:
+def _law(name: str, *, alike: bool = False) -> Law:
     return seen_law(
         name,
         effort,
@@ -107,9 +107,10 @@ def _law(name: str) -> Law:
         spring=spring,
         signals=("believed_effort",),
         fill_signals=fill_signals,
+        alike=alike,
     )
 
 
 position_force = _law("position_force")
-pd_damping = _law("pd_damping")
+pd_damping = _law("pd_damping", alike=True)
 four_channel = _law("four_channel")

@@ -119,6 +119,7 @@ def _with_wall(
     return asks._replace(
         wall_effort=wall_push(axis, wall),
         wall_rate=wall_steepness(rig, axis_name, wall),
+        wall_limit=math.inf if wall.effort_limit is None else wall.effort_limit,
         wall_damping=wall_leak(rendered).damping,
         wall_controlled=wall.passivity_control,
     )
@@ -139,11 +140,12 @@ def wall_steepness(rig: Rig, axis_name: str, wall: Wall) -> float:
 
 def wall_push(axis: Axis, wall: Wall) -> float:
     """Return the greatest effort that a wall asks for within the axis' range [N m or N]."""
+    given = math.inf if wall.effort_limit is None else wall.effort_limit
     if axis.position_range is None or axis.velocity_limit is None:
-        return math.inf
+        return given
     low, high = axis.position_range
     depth = high - wall.position if wall.side == "above" else wall.position - low
-    return wall.stiffness * max(depth, 0.0) + wall.damping * axis.velocity_limit
+    return min(given, wall.stiffness * max(depth, 0.0) + wall.damping * axis.velocity_limit)
 
 
 def load_damping(rig: Rig, axis_name: str, delay: CommandDelay) -> float:

@@ -2,13 +2,14 @@
 
 A wall's stiffness falls at any time, and what its spring then holds less is booked as dissipated;
 it rises only out of the wall, where it costs nothing. A ceiling rises only while nothing is
-clipped.
+clipped. Where both ends of a pair are clipped alike, the lower of both ceilings, as a share of its
+limit, clips both from the same period on.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from tautwave.runtime.control import Control
@@ -59,15 +60,28 @@ def wall_knob(control: Control, which: int, key: str) -> Turning:
     return Turning(turn, ready)
 
 
-def ceiling_knob(control: Control, which: int) -> Turning:
-    """Return how the greatest effort of wall and coupling at an axis is turned."""
+def ceiling_knob(control: Control, which: int, alike: Sequence[int] = ()) -> Turning:
+    """Return how the greatest effort of wall and coupling at an axis is turned.
+
+    `alike`: the ends of its pair, where both are clipped alike.
+    """
+    whole = {end: (control.params[end].ceiling, control.params[end].site.clip) for end in alike}
 
     def turn(value: float) -> None:
         control.retune(which, control.params[which]._replace(ceiling=value))
+        share = min((control.params[end].ceiling / whole[end][0] for end in alike), default=1.0)
+        for end in alike:
+            p = control.params[end]
+            control.retune(end, p._replace(site=p.site._replace(clip=share * whole[end][1])))
 
     def ready(value: float) -> bool:
-        s, ceiling = control.axis(which), control.params[which].ceiling
-        return value <= ceiling or (s.depth == 0.0 and math.fabs(s.asked) <= ceiling)
+        if value <= control.params[which].ceiling:
+            return True
+        for end in alike or (which,):
+            s, p = control.axis(end), control.params[end]
+            if s.depth != 0.0 or math.fabs(s.asked) > min(p.ceiling, p.site.clip):
+                return False
+        return True
 
     return Turning(turn, ready)
 
