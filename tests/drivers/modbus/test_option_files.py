@@ -59,5 +59,5 @@ def test_an_eds_is_found_beside_the_rig_file_or_not_at_all(tmp_path: Path) -> No
     with pytest.raises(ConfigError, match=f"master.lever: {tmp_path}/drive.eds: no such file"):
         load_rig(path, [word])
     (tmp_path / "drive.eds").write_text("")
-    rig = load_rig(path, [word])
-    assert rig.buses["can"].options["nodes"][0]["eds"] == str(tmp_path / "drive.eds")
+    with pytest.raises(ConfigError, match=f"{tmp_path}/drive.eds: not an EDS or DCF file"):
+        load_rig(path, [word])
