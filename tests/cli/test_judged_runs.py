@@ -41,11 +41,12 @@ def test_a_run_that_generated_energy_is_exit_code_3_with_both_numbers(
     assert found["rule"] == "spring"
     assert found["given_j"] > found["floor_j"]
     last = done.stderr.splitlines()[-1]
-    assert last == found["sentence"]
+    assert last.startswith(found["sentence"])
+    assert "lower its stiffness" in last
     assert "more than the damping of its devices, by its lower bounds, could have taken" in last
     said = " ".join(done.stdout.split())
     assert "certificate passive passed, before the run; not kept in it" in said
-    assert said.count(" ".join(last.split())) == 2  # on top, and where the certificate stands
+    assert said.count(" ".join(found["sentence"].split())) == 2  # on top, and by the certificate
     page = page_of(tmp_path / "out")
     assert page.index("This run generated energy") < page.index("Energy books")
     assert "Before the run: passive: passed" in page
@@ -86,7 +87,7 @@ def test_no_more_than_stability_is_required_and_it_is_a_note(
     after = summary["certificate"]["after_run"]
     [found] = after["generated"].values()
     assert not found["passed"]
-    assert found["sentence"] in after["notes"]
+    assert any(found["sentence"] in note and "allows that" in note for note in after["notes"])
 
 
 @pytest.mark.slow

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tautwave import Stepper, simulate
+from tautwave import Stepper, load_rig, simulate
+from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.report.coupled import coupled_rise, stall_claim
+from tautwave.report.run.complete import complete_summary
 from tautwave.report.run.judging import Judged, judged_of
-from tautwave.rig import pair_scale
+from tautwave.report.run.warnings import warnings_of
+from tautwave.rig import coupling_part, pair_scale
+from tautwave.session.facts import pair_facts
 from tautwave.simulation import Simulation
 from tests.report.rows_of import run_of
 from tests.rigs.running import Tree, rig_of, tree
@@ -219,3 +224,30 @@ def test_a_law_without_a_mutual_spring_is_judged_by_its_sum() -> None:
     found = judged_run(rig_of(tree(change, base=BUZZING)), 1.0)
     assert found.rule == "sum"
     assert found.claim == 0.0
+
+
+SHIPPED = [
+    path
+    for path in sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+    if "\nsimulation:" in (text := path.read_text())
+    and "\n  arm:\n" not in text.partition("\nsimulation:")[2]
+    and "dimension: 3" not in text
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", SHIPPED, ids=[path.stem for path in SHIPPED])
+def test_shipped_rigs_generate_nothing_and_need_no_warning(path: Path) -> None:
+    """Each is judged by a rule; one that requires no more than stability may generate."""
+    rig = load_rig(path)
+    rows = simulate(rig, engine="python", duration_s=min(rig.duration_s, 4.0))
+    delays = declared_delays(rig)
+    facts = {pair: pair_facts(rig, pair, delays)._asdict() for pair in rig.coupling.pairs}
+    run = run_of(rig, rows, {"pairs": facts, "duration_s": rig.duration_s})
+    run.summary = complete_summary(run)
+    found = list(judged_of(run, rig))
+    assert found or coupling_part(rig).claim
+    assert all(one.passed for one in found) or rig.require == "coupled_stable"
+    warned = {one.kind for one in warnings_of(run)}
+    assert warned <= set(rig.expect)
+    assert set(rig.expect) <= warned, "what does not happen need not be expected"

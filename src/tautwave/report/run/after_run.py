@@ -18,7 +18,7 @@ from tautwave.report.link import kept_of
 from tautwave.report.motors import Rows
 from tautwave.report.noise import noise_sentences
 from tautwave.report.run.conditions import broken_conditions
-from tautwave.report.run.judging import RULES, judged_of
+from tautwave.report.run.judging import ALLOWED, REMEDY, RULES, judged_of
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.sensors import sensor_sentences
 from tautwave.report.units import number
@@ -72,9 +72,10 @@ def recheck_run(run: Run) -> dict[str, Any]:
     after["generated"] = {one.name: one.as_dict() for one in judged}
     after["judged"] = judged_sentence([*(one.rule for one in judged), *(["ends"] if ends else [])])
     after["broken_conditions"] = list(broken_conditions(run))
-    generated = [one.sentence for one in judged if not one.passed]
+    generated = [f"{one.sentence} {REMEDY}" for one in judged if not one.passed]
     if block(run.summary, "certificate").get("require") == "coupled_stable":
-        after["notes"] = [*generated, *after["notes"]]
+        allowed = [f"{one.sentence} {ALLOWED}" for one in judged if not one.passed]
+        after["notes"] = [*allowed, *after["notes"]]
         generated = []
     kept = list(kept_of(run))
     if kept:

@@ -30,6 +30,13 @@ RULES = {
 }
 
 
+REMEDY = "It was not passive: lower its stiffness, or have fewer samples lost and fewer stalls."
+"""What follows from such a sentence where passivity is required."""
+
+ALLOWED = "What the rig requires, stability with the stated hand, allows that."
+"""What follows where it is not."""
+
+
 class Judged(NamedTuple):
     """What a coupling, or a scene, generated in a run.
 
@@ -68,7 +75,7 @@ class Judged(NamedTuple):
         )
         if self.rise.lasting:
             text += f", and it went on giving in {100.0 * self.rise.share:.0f} % of the seconds"
-        return f"{text}. It is no longer passive: lower its stiffness, or lose fewer samples."
+        return f"{text}."
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
