@@ -326,8 +326,10 @@ class CouplingPlugin(NamedTuple):
     `causalities`: of its axes; `observes`: it has no use for an axis' velocity filter. `over_link`
     is the `Law` over a network, `at_sites` a `SiteLaw` for either of two sites; `linked` makes
     their constants and table, as in `couplings.wave.link.constants`. `claim(rig, axis_name,
-    delays)`: what an end may deliver as it sees it [J]. `resolve(rig)`: a `Choice` for each key
-    left to the law, by path. `variant(plugin, coupling)`: the declaration for a rig's keys.
+    delays)`: what an end may deliver as it sees it [J]; `claim_terms`, of the same, the terms, a
+    `tautwave.analysis.claim.Claim`, or the key without which it is unbounded. `resolve(rig)`: a
+    `Choice` for each key left to the law, by path. `variant(plugin, coupling)`: the declaration for
+    a rig's keys.
     `tune(constants, state, key, value, period)`: a running end's, with another value of a key.
     `mutual`: a spring that both ends feel alike and nothing fed back but dampers, so that what it
     generated in a run is known from what it holds (`tautwave.analysis.rise`).
@@ -349,6 +351,7 @@ class CouplingPlugin(NamedTuple):
     verdict: Any = ""
     messages: Any = ""
     claim: Any = ""
+    claim_terms: Any = ""
     resolve: Any = ""
     variant: Any = ""
     tune: Any = ""

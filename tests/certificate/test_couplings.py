@@ -27,7 +27,7 @@ BARE = (*NO_WALLS, *NO_QUANTUM, f"{PAIR}.wave_filter_hz=")
 @pytest.mark.parametrize("periods", [0, 1, 3])
 def test_a_wave_port_is_passive_for_whole_command_delays(periods: int) -> None:
     late = f"buses.arm.options={{command_delay_s: {periods * 1e-3}}}"
-    certificate = certified(*NO_WALLS, *NO_QUANTUM, late)
+    certificate = certified(*NO_WALLS, *NO_QUANTUM, late, "loop.overrun_limit=5")
     port = element(certificate, "slave.lever port")
     assert port.passive.state == "passed"
     assert port.numbers["gain"] <= 1.0 + 1e-6

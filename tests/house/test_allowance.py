@@ -34,8 +34,6 @@ ALLOWED = {
     "src/tautwave/certificate/buses.py": "the limit is that of a policy's hand, not of a motor",
     "src/tautwave/couplings/account/from_keys.py": "of a `CoupledAxis`, which the allowance fills",
     "src/tautwave/couplings/wave/from_keys.py": "of a `CoupledAxis`, which the allowance fills",
-    "src/tautwave/couplings/account/claim.py": "a claim of all that the motor has: the safe side",
-    "src/tautwave/couplings/wave/claim.py": "a claim of all that the motor has: the safe side",
     "src/tautwave/couplings/wave/messages.py": "text: how long a follower's spring gets",
     "src/tautwave/couplings/mediated/automatic.py": "chooses a default before an axis is built",
     "src/tautwave/report/run/after_run.py": "text: what the rig believed",

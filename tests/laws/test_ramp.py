@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.laws.port import port_bounded, port_effort, port_params
-from tautwave.laws.ramp import NO_RAMP, ramp_bound, ramp_params, ramped_effort
+from tautwave.laws.ramp import (
+    NO_RAMP,
+    ramp_bound,
+    ramp_params,
+    ramped_effort,
+    stall_bound,
+    stall_ceiling,
+    stall_params,
+)
 
 T = 1e-3
 SIZES = st.floats(-3.0, 1.0).map(lambda power: 10.0**power)
@@ -102,3 +110,53 @@ def test_without_a_rate_limit_there_is_no_ramp() -> None:
     assert ramp_params(T, 1e-3, math.inf) == NO_RAMP
     assert port_params(T, 0.05, math.inf, reserve=1.0).ramp == NO_RAMP
     assert ramp_bound(NO_RAMP, 0.0, 0.0) == math.inf
+
+
+def gained(mass: float, rate: float, hold: float, effort: float, along: float) -> float:
+    """Return what an effort held for so long, then taken away, gives a free mass [J]."""
+    impulse = effort * hold + (0.0 if math.isinf(rate) else 0.5 * effort * effort / rate)
+    return impulse * along + 0.5 * impulse * impulse / mass
+
+
+@given(SIZES, st.one_of(SIZES.map(lambda size: 1e3 * size), st.just(math.inf)), SIZES, SIZES,
+       st.floats(0.0, 20.0), st.floats(0.0, 2.0), st.floats(-1.0, 1.0))  # fmt: skip
+def test_a_stall_gives_a_free_mass_what_the_bound_allows(
+    mass: float, rate: float, hold: float, energy: float, along: float, doubt: float, error: float
+) -> None:
+    """Exactly that where the velocity is known; no more where it is off by what is doubted."""
+    sure = stall_params(hold, mass, rate, energy)
+    assert gained(mass, rate, hold, stall_bound(sure, along), along) == pytest.approx(energy)
+    unsure = stall_params(hold, mass, rate, energy, doubt)
+    true = max(0.0, along + error * doubt)
+    bound = stall_bound(unsure, along)
+    assert gained(mass, rate, hold, bound, true) <= energy * (1.0 + 1e-9)
+    assert bound <= stall_bound(sure, along)
+
+
+@given(SIZES, SIZES, st.floats(0.0, 20.0), st.floats(0.0, 10.0), st.floats(1.0, 50.0))
+def test_a_heavier_device_gains_no_more(
+    energy: float, half_mobility: float, velocity: float, impulse: float, heavier: float
+) -> None:
+    """What it had and what moved it are known, its mass is not: at least 1 here."""
+    p = stall_params(0.02, 1.0, 100.0, energy)
+    coast = velocity - half_mobility * impulse
+    true = velocity - half_mobility * impulse / heavier
+    for side in (1.0, -1.0):
+        effort = stall_ceiling(p, velocity, coast, side, math.inf)
+        along = max(0.0, -side * true)
+        assert gained(heavier, 100.0, 0.02, effort, along) <= energy * (1.0 + 1e-9)
+
+
+def test_a_device_that_moves_against_the_effort_may_be_stopped_by_what_is_outside() -> None:
+    p = stall_params(0.02, 1e-3, 700.0, 0.1)
+    assert stall_bound(p, -5.0) == stall_bound(p, 0.0) > stall_bound(p, 5.0)
+    assert stall_ceiling(p, 3.0, 3.0, 1.0, 9.0) == stall_bound(p, 0.0)
+    assert stall_ceiling(p, 3.0, 3.0, -1.0, 9.0) == stall_bound(p, 3.0)
+    assert stall_ceiling(p, 3.0, 3.0, -1.0, 0.1) == 0.1
+
+
+def test_an_effort_kept_for_a_load_is_part_of_what_is_held() -> None:
+    bare, loaded = (stall_params(0.02, 1e-3, 700.0, 0.1, 0.0, kept) for kept in (0.0, 0.3))
+    assert stall_bound(loaded, 0.0) == pytest.approx(stall_bound(bare, 0.0) - 0.3)
+    assert stall_bound(loaded._replace(kept=50.0), 0.0) == 0.0
+    assert stall_bound(stall_params(0.02, 1e-3, 700.0, 1e-300), 0.0) >= 0.0

@@ -20,7 +20,7 @@ from tautwave.couplings.account.claim import claim_of, claimed_joules
 from tautwave.couplings.account.from_keys import account_params, greatest_income
 from tautwave.errors import ConfigError
 from tautwave.laws.account import AccountParams, credit_due, planned_share
-from tautwave.rig import check_ends, command_delays, end_constants, make_control
+from tautwave.rig import check_ends, command_delays, end_constants, make_control, wall_params
 from tautwave.runtime.control import CoupledControl
 from tautwave.types import CommandDelay, JointState
 from tests.rigs.running import Tree, rig_of, tree
@@ -140,7 +140,7 @@ def test_the_claim_is_that_of_reserve_debt_and_what_is_under_way_whatever_is_kep
     assert isinstance(claim, Claim)
     assert 2.0 * claim.reserve == pytest.approx(0.05 + 0.05 + 0.5 * 100.0 * 5.0 * 2e-4)
     assert claim.blind == rig.loop.missing_limit + rig.overrun_limit
-    assert claim.leak == claim.wall == 0.0
+    assert claim.leak == claim.owed == 0.0
     for kept in (0.0, 0.05, 0.5):
         assert claim_of(held(kept), "slave.a", delays) == claim
     noisy = held(axis={"position_noise": 1e-4, "encoder_quantum": 1e-5})
@@ -149,7 +149,9 @@ def test_the_claim_is_that_of_reserve_debt_and_what_is_under_way_whatever_is_kep
     assert found.leak == pytest.approx(greatest_income(account.account) / T) != 0.0
     assert (found.quantum, found.deviation) == (1e-5, 1e-4)
     wall = {"position": 0.1, "stiffness": 1.0, "damping": 0.0}
-    assert claim_of(held(wall_slave=wall), "slave.a", delays) == claim._replace(wall=100.0)
+    walled = held(wall_slave=wall)
+    owed = wall_params(walled, "slave.a", NO_DELAY).reserve
+    assert claim_of(walled, "slave.a", delays) == claim._replace(owed=owed) != claim
     for key in ("velocity_limit", "effort_rate_limit"):
         axis = rig.slave.axes["a"].model_copy(update={key: None})
         slave = rig.slave.model_copy(update={"axes": {"a": axis}})

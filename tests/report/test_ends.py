@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+from tautwave.analysis.claim import Stated
 from tautwave.cli.terminal.show import BAD, GOOD, Cell, plain
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import resolved_yaml
@@ -251,3 +252,65 @@ def test_a_claim_for_a_stall_is_not_for_what_goes_on(
         assert "which is for a stall; it went on supplying" in end.sentence
         share = round(100.0 * seconds / 20)
         assert abs(share - int(end.sentence.rpartition("in ")[2].split()[0])) <= 5
+
+
+STATED = Stated(
+    claim_j=CLAIM, prompt_j=0.004, stall_j=0.016, let_go_j=0.016, dead_j=None, kinetic_j=0.008,
+    gap_s=0.02, safe_gap_s=0.007,
+)  # fmt: skip
+"""A claim of 20 mJ that is conditional: a stall gives up to twice what the device has."""
+
+
+def stalled(given: float, slots: int, stated: Stated = STATED) -> Run:
+    """Return a run with one gap of so many slots of 0.5 ms."""
+    found = run(given, 1e-4)
+    found.whole["skipped_slots"][ROWS // 2] = slots - 1
+    found.summary["pairs"]["lever"]["claims"] = {"master": stated._asdict()}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("given", "slots", "passed", "said"),
+    [
+        (0.0115, 14, True, ""),
+        (0.0115, 20, True, "had no sample for 10\u202fms, and its certificate assumes at most"),
+        (0.0125, 14, True, ""),
+        (0.0125, 20, False, "more than the 12\u202fmJ claimed without a stall: it had no sample"),
+        (0.0205, 14, False, "more than its claim of 20\u202fmJ"),
+        (0.0205, 20, False, "more than its claim of 20\u202fmJ"),
+    ],
+)
+def test_the_longest_gap_judges_the_condition_on_the_host(
+    given: float, slots: int, passed: bool, said: str
+) -> None:
+    """After a stall that the certificate does not assume: a prompt host's claim, and K once."""
+    found = stalled(given, slots)
+    end = only(found)
+    assert (end.passed, end.stalled) == (passed, slots == 20)
+    assert said in end.sentence if said else end.sentence == ""
+    after = recheck_run(found)["certificate"]["after_run"]
+    assert after["invalidated"] is not passed
+    assert after["ends"]["master.lever"]["gap_s"] == pytest.approx(slots / 2000.0)
+
+
+def test_a_claim_that_passes_assumes_nothing_of_gaps() -> None:
+    end = only(stalled(0.0125, 20, STATED._replace(let_go_j=0.008)))
+    assert (end.stalled, end.passed, end.sentence) == (None, True, "")
+    servo = only(stalled(0.0125, 20, STATED._replace(kinetic_j=None)))
+    assert (servo.stalled, servo.passed) == (None, True)
+
+
+@pytest.mark.parametrize(
+    ("walled", "given"), [(0.03, 0.02), (-0.01, 0.06)], ids=["it took", "it gave"]
+)
+def test_port_and_wall_of_an_axis_are_one_number(walled: float, given: float) -> None:
+    """What the wall took pays for the port, and what it gave is on top; its damping is its own."""
+    found = run(0.05, 0.0)
+    rise = np.arange(ROWS) / (ROWS - 1)
+    found.whole["lever.wall_master.absorbed"] = walled * rise
+    found.whole["lever.wall_master.stored"] = np.zeros(ROWS)
+    found.whole["master.lever.wall_effort"] = np.ones(ROWS)
+    found.columns = tuple(found.whole)
+    assert only(found).given == pytest.approx(given)
+    found.whole["lever.wall_master.stored"] = -0.004 * rise  # held at the start, and let out
+    assert only(found).given == pytest.approx(given - 0.004)

@@ -57,6 +57,13 @@ def test_microseconds_and_counts():
     assert count(1234567).replace(THIN, " ") == "1 234 567"
 
 
+def test_large_energies_have_their_own_prefix_and_lengths_none_beyond_kilometres():
+    assert quantity(1.09e8, "J", 3) == "109\u202fMJ"
+    assert quantity(2.5e9, "J", 3) == "2.5\u202fGJ"
+    assert quantity(3e6, "m", 3) == "3000\u202fkm"
+    assert quantity(2e3, "rad", 3) == "2000\u202frad"
+
+
 @given(st.floats(1e-12, 1e6))
 def test_the_prefix_keeps_the_value(value):
     factor, unit = scale_for(value, "m")

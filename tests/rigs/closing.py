@@ -102,7 +102,6 @@ def port_bound(run: Run, side: str, name: str = "a") -> float:
         effort=limit.effort,
         rate=limit.effort_step / port.period,
         velocity=limit.velocity,
-        wall=limit.effort if p.site.has_wall else 0.0,
         period=port.period,
         blind=p.delay + p.late + whole.missing_limit + whole.overrun_limit,
         mass=port.period / (2.0 * max(p.site.half_mobility, 1e-300)),

@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tautwave import load_rig
-from tautwave.laws.limit import AT_LIMIT, CLIPPED, RAMPED, RATE_LIMITED, STEPPED, STOPPED
+from tautwave import load_rig, simulate
+from tautwave.laws.limit import (
+    AT_LIMIT,
+    CLIPPED,
+    RAMPED,
+    RATE_LIMITED,
+    STALL_BOUND,
+    STEPPED,
+    STOPPED,
+)
 from tests.rigs.row_hashes import ROOT
 from tests.rigs.running import BASE, Tree, rig_of, run_rig, tree
 from tests.simulation.live import assert_equal
@@ -51,6 +59,29 @@ def test_each_limit_shows_in_the_rows_of_either_engine(change: Tree, bit: int) -
     assert bool(run["slave.a.limited"].any()) == (bit in (CLIPPED, AT_LIMIT + CLIPPED, RAMPED))
     if clipped:
         assert (np.abs(run["master.a.commanded"][of_master == bit]) == 0.5).all()
+
+
+def test_the_bound_for_stalls_shows() -> None:
+    """A hundredth of the kinetic energy at the velocity limit leaves a tenth of the effort."""
+    path = ROOT / "configs/bench-1dof-2khz.yaml"
+    sides = [f"{side}.axes.lever.stall_energy_j=0.002" for side in ("master", "slave")]
+    run = assert_equal(load_rig(path, sides), "python", duration_s=1.0)
+    cut = run["master.lever.limited"] == STALL_BOUND
+    assert 0.01 < cut.mean() < 1.0
+    free = assert_equal(load_rig(path), "python", duration_s=1.0)
+    assert not (free["master.lever.limited"] >= STALL_BOUND).any()
+    efforts = [np.abs(one["master.lever.commanded"]).max() for one in (run, free)]
+    assert efforts[0] < efforts[1]
+
+
+@pytest.mark.slow
+def test_the_bound_for_stalls_is_the_same_compiled() -> None:
+    sides = [f"{side}.axes.lever.stall_energy_j=0.002" for side in ("master", "slave")]
+    rig = load_rig(ROOT / "configs/bench-1dof-2khz.yaml", sides)
+    plain, compiled = (simulate(rig, duration_s=1.0, engine=way) for way in ("python", "compiled"))
+    assert (plain["master.lever.limited"] == STALL_BOUND).any()
+    for column in ("commanded", "limited", "position"):
+        assert (compiled[f"master.lever.{column}"] == plain[f"master.lever.{column}"]).all()
 
 
 def test_a_velocity_that_is_cut_shows_too() -> None:

@@ -62,7 +62,7 @@ def admittance_tree() -> Tree:
     data = tree_of(TCP)
     data["require"] = "coupled_stable"
     slave = data["slave"]["axes"]["lever"]
-    for key in ("inertia", "damping"):
+    for key in ("inertia", "damping", "stall_energy_j"):
         del slave[key]
     slave |= {"causality": "admittance", "environment_stiffness_upper": 0.5, "velocity_limit": 10}
     pair = data["coupling"]["pairs"]["lever"]

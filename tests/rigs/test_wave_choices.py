@@ -98,6 +98,8 @@ def test_a_first_rig_is_certified_firm_and_quiet() -> None:
 def test_auto_counts_with_the_damping_that_friction_and_loads_leave(spent: str) -> None:
     """What it takes without them is refused with them, and what it takes with them passes."""
     shared = ["rate_hz=1000", "coupling.delay_s=0.01", *both("effort_limit", 20.0)]
+    # So strong a motor would be refused for what it may do in a stall, or while its effort falls.
+    shared += [*both("effort_rate_limit", 1e5), "loop.missing_limit=2", "loop.overrun_limit=2"]
     shared += ["coupling.pairs={lever: {wave_filter_hz: auto, wave_impedance: auto}}"]
     own = [f"{axis}.{spent}" for axis in AXES]
     path = Path(__file__).parents[2] / "configs" / "bench-1dof-2khz.yaml"

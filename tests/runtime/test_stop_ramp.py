@@ -65,7 +65,7 @@ def given_out(rate: float, missed: int, stalls: list[tuple[int, bool]]) -> float
 
 def claimed(rate: float) -> float:
     return Claim(
-        reserve=0.0, leak=0.0, feigned=0.0, effort=EFFORT, rate=rate, velocity=FASTEST, wall=0.0,
+        reserve=0.0, leak=0.0, feigned=0.0, effort=EFFORT, rate=rate, velocity=FASTEST,
         period=T, blind=MISSING + STALL, mass=MASS, deviation=0.0, peak=1.0, quantum=0.0,
         nonlinearity=0.0, stop_damping=0.0, release=0.0, kinetic=0.0,
     ).under_way  # fmt: skip

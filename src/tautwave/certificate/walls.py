@@ -30,7 +30,7 @@ from tautwave.certificate.belief import (
 )
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Axis, Rig, Wall, local_wall
-from tautwave.rig import axis_allowance, wall_params
+from tautwave.rig import axis_allowance, coupling_part, wall_params
 from tautwave.rig.allowance.filling import at_least, wall_push, wall_steepness
 from tautwave.rig.scene.hands import stated_hand
 from tautwave.types import CommandDelay
@@ -123,7 +123,7 @@ def wall_element(
     if noise > 0.0:
         sentences.append(_noise_sentence(axis, name, noise))
     claim = wall_claim(rig, axis_name, wall, delays[axis_name])
-    if math.isfinite(claim):
+    if math.isfinite(claim) and not coupling_part(rig).claim_terms:  # else the axis says it
         sentences.append(
             f"{name}: gives at most {joules(claim)} more than it took, in a host's stalls of up to "
             f"{rig.overrun_limit} slots; it repays that before it supplies energy "

@@ -156,7 +156,7 @@ def _folded(facts: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 
 SCREEN = 80
 """Columns."""
-CLAIM_HEADS = ("port", ">claims at most", ">kinetic at its velocity limit", ">ratio")
+CLAIM_HEADS = ("port", ">prompt", ">gap", ">gives", ">let go", ">dead", ">kinetic", "claim")
 BUS_HEADS = ("bus", ">time needed", ">greatest rate", "")
 
 
@@ -178,18 +178,34 @@ def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]
 
 
 def _claims(claims: Sequence[Any]) -> Iterator[tuple[str | Cell, ...]]:
-    """Yield the joules of each port beside the kinetic energy that its device may have anyway."""
+    """Yield the joules of each port beside the kinetic energy that its device may have anyway.
+
+    While the host is prompt; in the longest gap between two samples, whatever moves the device, and
+    where it is let go; of a dead host until the drive acts by itself.
+    """
     from tautwave.report.units import quantity
 
+    def energy(value: float | None) -> str:
+        if value is None:
+            return "-"
+        return "no bound" if value == math.inf else quantity(value, "J", 3)
+
     for claim in claims:
-        joules = "no bound" if claim.claim_j == math.inf else quantity(claim.claim_j, "J", 3)
-        kinetic = "-" if claim.kinetic_j is None else quantity(claim.kinetic_j, "J", 3)
-        ratio = claim.ratio
-        if ratio is None or ratio == math.inf:
-            yield claim.axis, joules, kinetic, "-"
-        else:
-            text = f"{ratio:.2g}" if ratio < 100.0 else f"{ratio:,.0f}"
-            yield claim.axis, joules, kinetic, Cell(text, NOTE) if ratio > 1.0 else text
+        one, kinetic = claim.stated, energy(claim.kinetic_j)
+        if one is None:
+            yield claim.axis, energy(claim.claim_j), "-", "-", "-", "-", kinetic, "-"
+            continue
+        says = {"passed": Cell("passed", GOOD), "refused": Cell("refused", BAD)}
+        yield (
+            claim.axis,
+            energy(one.prompt_j),
+            quantity(one.gap_s, "s", 3),
+            energy(one.stall_j),
+            energy(one.let_go_j),
+            energy(one.dead_j),
+            kinetic,
+            says.get(claim.judged, Cell("depends", NOTE)) if claim.kinetic_j else "-",
+        )
 
 
 def _last(name: str, result: Any, verbose: bool) -> Section:

@@ -19,10 +19,13 @@ from tautwave.laws.limit import (
     CLIPPED,
     NOT_A_NUMBER,
     RAMPED,
+    STALL_BOUND,
+    clamp,
     guard_axis,
     limit_effort,
     limited_by,
 )
+from tautwave.laws.ramp import stall_ceiling
 from tautwave.laws.site import (
     clip_coupling,
     held_effort,
@@ -311,10 +314,15 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     cut = asked - port
     if site.compensates or site.lightens:
         port = port + support
-    total, port, wall, wanted = limit_site(site, wall, port, s.total, ceiling)
+    bound = ceiling
+    if site.bounded:
+        bound = stall_ceiling(site.stall, s.velocity, coast, wall + port, ceiling)
+    total, port, wall, wanted = limit_site(site, wall, port, s.total, bound)
     s.limited = 0
     if total != wanted or math.fabs(wanted) >= site.limit.effort:
         s.limited = limited_by(site.limit, wanted, s.total, ceiling)
+        if bound < ceiling and math.fabs(wanted) > bound:
+            s.limited = STALL_BOUND | limited_by(site.limit, clamp(wanted, bound), s.total, ceiling)
     if cut != 0.0:
         if -site.clip <= asked <= site.clip:
             s.limited = s.limited | RAMPED

@@ -41,6 +41,9 @@ RAMPED = 16
 STOPPED = 32
 """A stop, which acts in place of coupling and wall; a bit."""
 
+STALL_BOUND = 64
+"""What an effort may give if it is held through a stall of the host (`laws.ramp`); a bit."""
+
 
 class LimitParams(NamedTuple):
     """Limits of an axis; an absent one is infinite.

@@ -25,6 +25,7 @@ from tautwave.laws.limit import (
     limit_effort,
     share_effort,
 )
+from tautwave.laws.ramp import NO_STALL, StallParams
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort
 
 
@@ -35,7 +36,8 @@ class SiteParams(NamedTuple):
     one; `gain` is the velocity tracker's (1: plain difference); `velocity_quantum` is the drive's
     (0: none). `compensation` of the device's friction, if it `compensates`; `inertia` that is
     taken off, if it `lightens`. `clip` and `wall_clip` are what the coupling's effort and the
-    wall's are clipped at, each by itself [N m or N]; infinite: by the limits of both alone.
+    wall's are clipped at, each by itself [N m or N]; infinite: by the limits of both alone. `stall`
+    bounds all of the effort, if it is `bounded`.
     """
 
     period: float
@@ -51,6 +53,8 @@ class SiteParams(NamedTuple):
     lightens: bool = False
     clip: float = math.inf
     wall_clip: float = math.inf
+    stall: StallParams = NO_STALL
+    bounded: bool = False
 
 
 def render_wall(

@@ -1,19 +1,27 @@
-"""What each end of a pair supplied in a run, compared with what its law claimed beforehand.
+"""What each axis of a pair supplied in a run, compared with what was claimed beforehand.
 
-Both are as the end's encoder sees it, from the recording. A device that is beyond its velocity
-limit by more than its motor can have made of it was hit from outside: what the motor gave in the
-periods until the guard acted, the effort that acted times the way, is a blow. It is not part of the
-claim, and reported.
+Both are as its encoder sees it, from the recording, and of the port and a local wall together: what
+is sent is limited whoever asked for it. Of the wall that is what it gave beyond what its spring
+held at the start and what the device's damping took while it pushed, for which it is certified.
+
+A device that is beyond its velocity limit by more than its motor can have made of it was hit from
+outside: what the motor gave in the periods until the guard acted, the effort that acted times the
+way, is a blow. It is not part of the claim, and reported.
+
+A claim may rest on the condition that no gap between two samples is longer than `safe_gap_s`. A run
+that had a longer one has to have kept what would have been claimed without: the claim of a prompt
+host, and once the kinetic energy at the velocity limit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from tautwave.analysis.claim import Stated
 from tautwave.analysis.rise import NOTHING, Rise, surplus_of
 from tautwave.report.claims import ROUNDING
 from tautwave.report.figures.envelope import Floats
@@ -23,10 +31,12 @@ from tautwave.report.units import number, quantity
 
 
 class End(NamedTuple):
-    """One end of a pair: what it supplied at its worst moment, in impacts, and what it claimed [J].
+    """One axis of a pair: what it supplied at its worst moment, in impacts, and its claim [J].
 
     `flow` is all that passed to and fro; `beyond` what it supplied beyond reserve and leak, None
-    where those are not known: a stall may cost that once, not again and again.
+    where those are not known: a stall may cost that once, not again and again. `gap_s` is the
+    longest gap between two of its samples, and `stated` what was stated before the run, None in one
+    that did not.
     """
 
     axis: str
@@ -35,6 +45,8 @@ class End(NamedTuple):
     claim: float
     flow: float
     beyond: Rise | None = None
+    gap_s: float = 0.0
+    stated: Stated | None = None
 
     @property
     def goes_on(self) -> bool:
@@ -42,37 +54,65 @@ class End(NamedTuple):
         return self.beyond is not None and self.beyond.lasting and self.blow == 0.0
 
     @property
+    def allowed(self) -> float:
+        """Return what it may have supplied, impacts apart [J]."""
+        one = self.stated
+        if one is None or self.stalled is not True:
+            return self.claim
+        assert one.kinetic_j is not None
+        return min(self.claim, one.prompt_j + one.kinetic_j)
+
+    @property
+    def stalled(self) -> bool | None:
+        """Whether a gap was longer than its claim assumes; None: it assumes nothing of gaps."""
+        one = self.stated
+        if one is None or one.kinetic_j is None or one.let_go_j <= one.kinetic_j:
+            return None
+        return self.gap_s > one.safe_gap_s * (1.0 + ROUNDING)
+
+    @property
     def passed(self) -> bool:
         """Whether it kept its claim, blows apart, and does not go on."""
-        return (
-            self.given - self.blow <= self.claim + ROUNDING * self.flow + NOTHING
-            and not self.goes_on
-        )
+        return self._within(self.allowed) and not self.goes_on
+
+    def _within(self, most: float) -> bool:
+        return self.given - self.blow <= most + ROUNDING * self.flow + NOTHING
 
     @property
     def sentence(self) -> str:
-        """A broken claim or a blow in a sentence; empty without either."""
+        """A broken claim, a gap too long or a blow in a sentence; empty without any."""
         given, claim = quantity(self.given, "J", 3), quantity(self.claim, "J", 3)
         blow = f"{quantity(self.blow, 'J', 3)} of it in an impact beyond its velocity limit"
-        if self.passed and self.blow == 0.0:
-            return ""
-        if self.passed:
-            return f"{self.axis} port: supplied {given}, {blow}; its claim is {claim}."
-        if self.beyond is not None and self.goes_on:
+        apart = f", {blow}" if self.blow > 0.0 else ""
+        late = ""
+        if self.stalled and self.stated is not None:
+            late = (
+                f"it had no sample for {quantity(self.gap_s, 's', 3)}, and its certificate assumes "
+                f"at most {quantity(self.stated.safe_gap_s, 's', 3)}"
+            )
+        if self.beyond is not None and self.goes_on and self._within(self.allowed):
             share = f"{100.0 * self.beyond.share:.0f} % of the seconds"
             return (
-                f"{self.axis} port: supplied {given} of its claim of {claim}, which is for a "
+                f"{self.axis}: supplied {given} of its claim of {claim}, which is for a "
                 f"stall; it went on supplying more than its reserve and leak in {share}."
             )
-        apart = f", {blow}" if self.blow > 0.0 else ""
-        return (
-            f"{self.axis} port: supplied {given}{apart}, more than its claim of {claim}; its "
-            "encoder, delay or driver differs from the rig."
-        )
+        if not self.passed and self._within(self.claim):
+            return (
+                f"{self.axis}: supplied {given}{apart}, more than the "
+                f"{quantity(self.allowed, 'J', 3)} claimed without a stall: {late}."
+            )
+        if not self.passed:
+            return (
+                f"{self.axis}: supplied {given}{apart}, more than its claim of {claim}; its "
+                "encoder, delay or driver differs from the rig."
+            )
+        if late:
+            return f"{self.axis}: {late}; it supplied {given}{apart}."
+        return f"{self.axis}: supplied {given}, {blow}; its claim is {claim}." if apart else ""
 
 
 def ends_of(run: Run) -> Iterator[End]:
-    """Yield every end that has a claim and is recorded."""
+    """Yield every axis that has a claim and is recorded."""
     for pair in run.pairs:
         own = block(run.summary, "pairs", pair)
         claims = block(own, "claim_j")
@@ -82,11 +122,12 @@ def ends_of(run: Run) -> Iterator[End]:
             read = run.read(*ports)
             if claim is None or not read or not run.rows:
                 continue
-            # A matched end's damper is part of it: what the tank paid for it did not come out.
-            taken = np.sum(list(read.values()), axis=0)
             axis = f"{side}.{pair}"
             flow = run.read(f"{axis}.gross_flow").get(f"{axis}.gross_flow", np.zeros(1))
             weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
+            # A matched end's damper is part of it: what the tank paid for it did not come out.
+            port = np.sum(list(read.values()), axis=0)
+            taken = port + _of_wall(run, pair, side, weight)
             passed = float(np.nanmax(flow)) / weight
             yield End(
                 axis,
@@ -94,12 +135,14 @@ def ends_of(run: Run) -> Iterator[End]:
                 blow(run, pair, side) / weight,
                 claim,
                 passed,
-                _beyond(run, axis, taken / -weight, passed),
+                _beyond(run, axis, port / -weight, passed),
+                _longest_gap(run, axis),
+                stated_of(own, side),
             )
 
 
 def _beyond(run: Run, axis: str, given: Floats, flow: float) -> Rise | None:
-    """Return what an end supplied beyond twice its reserve and its leak [J].
+    """Return what a port supplied beyond twice its reserve and its leak [J], a wall left out.
 
     A port begins each engagement with its reserve.
     """
@@ -114,6 +157,40 @@ def _beyond(run: Run, axis: str, given: Floats, flow: float) -> Rise | None:
     return surplus_of(time, given[known], allowed, flow) if len(time) > 1 else None
 
 
+def stated_of(pair: Mapping[str, Any], side: str) -> Stated | None:
+    """Return what was stated of one side in a pair's block of a summary; None: nothing was."""
+    found = block(pair, "claims", side)
+    if not set(Stated._fields) <= set(found):
+        return None
+    return Stated(**{key: found[key] for key in Stated._fields})
+
+
+def _of_wall(run: Run, pair: str, side: str, weight: float) -> Floats:
+    """Return by row what a local wall took, with what it may give without a stall [J, pair's]."""
+    axis = f"{side}.{pair}"
+    names = [f"{pair}.wall_{side}.{what}" for what in ("absorbed", "stored")]
+    read = run.read(*names, f"{axis}.wall_effort")
+    if len(read) < len(names) + 1:
+        return np.zeros(run.rows)
+    absorbed, stored, effort = read.values()
+    moved, time, good = motion(run, axis)
+    damping = number(block(run.rig, side, "axes", pair, "damping").get("lower")) or 0.0
+    pushed = (effort[good][:-1] != 0.0) | (np.diff(absorbed[good]) != 0.0)
+    damped = np.zeros(run.rows)
+    damped[np.flatnonzero(good)[1:]] = np.where(pushed, weight * damping * moved**2 / time, 0.0)
+    held = max(0.0, -float(np.nanmin(stored)))
+    found: Floats = absorbed + np.cumsum(damped) + held
+    return found
+
+
+def _longest_gap(run: Run, axis: str) -> float:
+    """Return the longest time between two samples of an axis [s]."""
+    if f"{axis}.position" not in run.columns:
+        return 0.0
+    _, time, _ = motion(run, axis)
+    return float(time.max(initial=0.0))
+
+
 def blow(run: Run, pair: str, side: str) -> float:
     """Return what a motor gave while its device was too fast by itself [J, pair's]."""
     axis = f"{side}.{pair}"
@@ -121,12 +198,11 @@ def blow(run: Run, pair: str, side: str) -> float:
     limit = number(keys.get("velocity_limit"))
     mass = number(block(keys, "inertia").get("lower")) or math.inf
     own_push = (number(keys.get("effort_limit")) or 0.0) / mass
-    names = (f"{axis}.port_energy", f"{pair}.wall_{side}.absorbed")
-    read = run.read(*names)
-    if limit is None or names[0] not in read:
+    energy = f"{axis}.port_energy"
+    read = run.read(energy)
+    if limit is None or energy not in read:
         return 0.0
     moved, time, good = motion(run, axis)
-    taken = read[names[0]] - read.get(names[1], np.zeros(run.rows))
-    gave = -np.diff(taken[good])
+    gave = -np.diff(read[energy][good])
     fast = np.abs(moved) > (limit + 0.5 * own_push * time) * time
     return float(np.sum(np.maximum(gave[fast], 0.0)))

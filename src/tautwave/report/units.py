@@ -10,7 +10,16 @@ from typing import Any
 
 MISSING = "not recorded"
 THIN = "\N{NARROW NO-BREAK SPACE}"
-_PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
+_PREFIXES = (
+    (1e9, "G"),
+    (1e6, "M"),
+    (1e3, "k"),
+    (1.0, ""),
+    (1e-3, "m"),
+    (1e-6, "µ"),
+    (1e-9, "n"),
+    (1e-12, "p"),
+)
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -36,8 +45,8 @@ def scale_for(peak: float, unit: str) -> tuple[float, str]:
     if not math.isfinite(size) or size == 0.0 or unit == "" or unit.startswith("√"):
         return 1.0, unit
     for weight, prefix in _PREFIXES:
-        # A length of 1500 m stays in m, and there is no krad.
-        if prefix == "k" and unit in ("rad", "s", "rad/s"):
+        # There is no krad; and beyond kilometres no length.
+        if weight > 1.0 and (unit in ("rad", "s", "rad/s") or (unit == "m" and weight > 1e3)):
             continue
         if size >= 0.9995 * weight:
             return 1.0 / weight, prefix + unit

@@ -7,6 +7,7 @@ from tautwave.rig.assembly import (
     cycles_in,
     make_clock,
 )
+from tautwave.rig.claims import axis_claim, kinetic_energy
 from tautwave.rig.clips import pair_clip
 from tautwave.rig.controller import (
     NO_WALL,
@@ -48,6 +49,7 @@ from tautwave.rig.ways import (
     command_delays,
     overlaid,
     real_buses,
+    watchdogs,
     without_truth,
 )
 
@@ -65,6 +67,7 @@ __all__ = [
     "at_axis_rate",
     "at_full_rate",
     "axis_allowance",
+    "axis_claim",
     "axis_integration",
     "axis_model",
     "axis_names",
@@ -83,6 +86,7 @@ __all__ = [
     "cycles_in",
     "end_constants",
     "foam_params",
+    "kinetic_energy",
     "line_delay",
     "make_clock",
     "make_control",
@@ -100,5 +104,6 @@ __all__ = [
     "true_delay_s",
     "velocity_gain",
     "wall_params",
+    "watchdogs",
     "without_truth",
 ]

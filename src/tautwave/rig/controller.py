@@ -16,10 +16,12 @@ from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
 from tautwave.errors import ConfigError
 from tautwave.laws.limit import LimitParams
+from tautwave.laws.ramp import NO_STALL
 from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig.allowance.filling import axis_allowance, wall_push
+from tautwave.rig.claims import stall_of
 from tautwave.rig.clips import clips
 from tautwave.rig.network import trace_of
 from tautwave.rig.parts import coupling_part
@@ -236,6 +238,7 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
     keys = rig.axes[axis_name].compensation
     end = end_constants(rig, axis_name, delay)
     allowance = axis_allowance(rig, axis_name, delay)
+    stall = stall_of(rig, axis_name, delay)
     return controlled_axis(
         rig,
         axis_name,
@@ -248,6 +251,8 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
                 allowance.paying_coulomb,
             ),
             lightens=keys is not None and keys.inertia > 0.0,
+            stall=NO_STALL if stall is None else stall,
+            bounded=stall is not None,
         ),
         pipe,
         weight=1.0 if side == "master" else 1.0 / scale.power,

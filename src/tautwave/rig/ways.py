@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Collection, Iterator, Mapping
 from enum import Enum
 from typing import Any, NamedTuple
 
 from tautwave.clock import FakeClock
 from tautwave.config import Rig, bus_spec
-from tautwave.contracts import DriverPlugin, Endpoint
+from tautwave.contracts import BusSpec, Driver, DriverPlugin, Endpoint
 from tautwave.errors import ConfigError
 from tautwave.registry import load_driver, load_simulator
 from tautwave.types import CommandDelay
@@ -287,12 +288,8 @@ def command_delays(rig: Rig) -> dict[str, CommandDelay]:
     ConfigError
         One is longer than `LATEST` periods of its axis.
     """
-    clock = FakeClock()
     delays = {}
-    for bus_name, bus in rig.buses.items():
-        plugin: DriverPlugin = load_driver(bus.driver)
-        spec = bus_spec(rig, bus_name)
-        driver = plugin.make(plugin.options.model_validate(bus.options), spec, clock, None)
+    for bus_name, spec, driver in _unopened(rig):
         if driver.command_delay.periods > LATEST:
             raise ConfigError(
                 f"bus {bus_name}: its commands act {driver.command_delay.periods} periods late, "
@@ -301,3 +298,29 @@ def command_delays(rig: Rig) -> dict[str, CommandDelay]:
             )
         delays.update({axis.name: driver.command_delay for axis in spec.axes})
     return delays
+
+
+def watchdogs(rig: Rig) -> dict[str, float]:
+    """Return the silence of the host after which each axis' device acts by itself [s].
+
+    inf: never. Without those whose devices are in the process of the host, and end with it.
+    """
+    found = {}
+    for bus_name, spec, driver in _unopened(rig):
+        if load_driver(rig.buses[bus_name].driver).hardware:
+            known = driver.watchdog_s
+            found.update({axis.name: known.get(axis.name, math.inf) for axis in spec.axes})
+    return found
+
+
+def _unopened(rig: Rig) -> Iterator[tuple[str, BusSpec, Driver]]:
+    """Yield the driver of every bus, with its name and what it is told of it; none is opened."""
+    clock = FakeClock()
+    for bus_name, bus in rig.buses.items():
+        plugin: DriverPlugin = load_driver(bus.driver)
+        spec = bus_spec(rig, bus_name)
+        yield (
+            bus_name,
+            spec,
+            plugin.make(plugin.options.model_validate(bus.options), spec, clock, None),
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
+from tautwave.certificate.claims import bound_hints, claim_hints
 from tautwave.config import Rig, bus_spec
 from tautwave.contracts import Budget
 from tautwave.errors import BusBudgetError, NotCertifiedError
@@ -160,6 +161,8 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         facts.extend(offset_costs(rig, delays))
         facts.extend(load_facts(rig, delays))
         facts.extend(coupling_messages(rig).facts(rig, delays))
+        facts.extend(claim_hints(rig, delays))
+        facts.extend(bound_hints(rig, delays))
         facts.extend(coupling_messages(rig).hints(rig))
     for axis_name, axis in rig.own_axes.items():
         units = "rad, N m, kg m^2" if axis.kind == "rotary" else "m, N, kg"

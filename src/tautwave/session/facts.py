@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from tautwave.allowance import AxisAllowance
+from tautwave.analysis.claim import Claim, Stated, stated_claim
+from tautwave.certificate.claims import judge_claim, terms_of
 from tautwave.config import Axis, Rig, count_velocity
 from tautwave.config.inputs.chains import weighs
 from tautwave.registry import load_named
-from tautwave.rig import allowances, coupling_part, one_way_delay, pair_scale
+from tautwave.rig import (
+    allowances,
+    coupling_part,
+    kinetic_energy,
+    one_way_delay,
+    pair_scale,
+    watchdogs,
+)
 from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads, joint_names
 from tautwave.rig.rates import load_offset
+from tautwave.session.operating import greatest, times
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages
 
@@ -48,37 +58,69 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
 
 
 class PortClaim(NamedTuple):
-    """What a port may supply in a run, and the kinetic energy at its velocity limit [J].
+    """What is stated of a port before a run, and the verdict on it.
 
-    The claim is inf where nothing bounds it, the kinetic energy None of an axis without either.
+    `claim_j` is what it may supply in the run, `kinetic_j` the energy at its velocity limit [J]:
+    the claim is inf where nothing bounds it, the other None of an axis without either. `stated`
+    has the parts of a law that tells them, `judged` `passed`, `conditional` or `refused`.
     """
 
     axis: str
     claim_j: float
     kinetic_j: float | None
+    stated: Stated | None = None
+    judged: str = ""
 
     @property
     def ratio(self) -> float | None:
         """Claim over kinetic energy."""
         return self.claim_j / self.kinetic_j if self.kinetic_j else None
 
-    def as_dict(self) -> dict[str, float | None]:
+    def as_dict(self) -> dict[str, Any]:
         """Return the numbers as data for JSON, which has no infinity."""
         found = {"claim_j": self.claim_j, "kinetic_j": self.kinetic_j, "ratio": self.ratio}
-        return {key: None if value == math.inf else value for key, value in found.items()}
+        if self.stated is not None:
+            found = {**self.stated._asdict(), **found}
+        kept = {key: None if value == math.inf else value for key, value in found.items()}
+        return kept | ({"judged": self.judged} if self.judged else {})
 
 
 def claims_of(rig: Rig, delays: dict[str, CommandDelay]) -> list[PortClaim]:
     """Return the claim of every port; none for a law that claims nothing beforehand."""
-    found = []
+    found, watched = [], watchdogs(rig)
     for name in rig.coupling.pairs:
+        stated = stated_claims(rig, name, delays, watched)
         for side, joules in port_claims(rig, name, delays).get("claim_j", {}).items():
-            axis = rig.axes[f"{side}.{name}"]
-            kinetic = None
-            if axis.inertia is not None and axis.velocity_limit is not None:
-                kinetic = 0.5 * axis.inertia.value * axis.velocity_limit**2
-            found.append(PortClaim(f"{side}.{name}", joules, kinetic))
+            axis_name = f"{side}.{name}"
+            kinetic = kinetic_energy(rig, axis_name)
+            one = stated.get(axis_name)
+            found.append(
+                PortClaim(
+                    axis_name,
+                    joules,
+                    None if math.isinf(kinetic) else kinetic,
+                    None if one is None else one[0],
+                    "" if one is None else one[1],
+                )
+            )
     return sorted(found, key=lambda claim: list(rig.axes).index(claim.axis))
+
+
+def stated_claims(
+    rig: Rig, name: str, delays: dict[str, CommandDelay], watched: Mapping[str, float]
+) -> dict[str, tuple[Stated, str]]:
+    """Return, by axis, what is stated of the ends of a pair that have a bound, and the verdict.
+
+    `watched` are the rig's `watchdogs`.
+    """
+    found = {}
+    for side in rig.own_sides:
+        axis_name = f"{side}.{name}"
+        claim = terms_of(rig, axis_name, delays)
+        if isinstance(claim, Claim):
+            stated = stated_claim(claim, rig.claimed_s, watched.get(axis_name))
+            found[axis_name] = stated, judge_claim(rig, axis_name, claim).state
+    return found
 
 
 def port_claims(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
@@ -91,6 +133,25 @@ def port_claims(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[st
         return {}
     claim = load_named(named)
     return {"claim_j": {side: claim(rig, f"{side}.{name}", delays) for side in rig.own_sides}}
+
+
+def summary_claims(
+    rigs: Sequence[Rig], name: str, delays: dict[str, CommandDelay], count: int
+) -> dict[str, Any]:
+    """Return what the ends of a pair claim in `count` engagements, by side.
+
+    `claim_j` as `port_claims`, and in `claims` what is stated of each, of a law that tells; the
+    greatest of those of `rigs`, a rig at its scales.
+    """
+    found = times(greatest([port_claims(rig, name, delays) for rig in rigs]), count)
+    claims: dict[str, dict[str, Any]] = {}
+    for rig in rigs:
+        for axis_name, (one, judged) in stated_claims(rig, name, delays, watchdogs(rig)).items():
+            all_of = one._replace(claim_j=count * one.claim_j, prompt_j=count * one.prompt_j)
+            side = axis_name.partition(".")[0]
+            if side not in claims or all_of.claim_j > claims[side]["claim_j"]:
+                claims[side] = {**all_of._asdict(), "judged": judged}
+    return found | ({"claims": claims} if claims else {})
 
 
 def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:

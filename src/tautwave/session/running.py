@@ -30,17 +30,15 @@ from tautwave.session.certified import (
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
 from tautwave.session.engine import compiled_devices, scene_devices, with_engine
-from tautwave.session.facts import pair_facts, port_claims
+from tautwave.session.facts import pair_facts, summary_claims
 from tautwave.session.keeping import run_directory
 from tautwave.session.network import link_claims
 from tautwave.session.operating import (
     claimed_span,
     engagements,
-    greatest,
     operation_block,
     refuse_endless,
     scales_of,
-    times,
     with_operation,
 )
 from tautwave.session.plan import left_out, rig_plan
@@ -366,10 +364,7 @@ def _pairs(rig: Rig, assembly: Assembly, cycles: int) -> dict[str, dict[str, Any
         name: {
             "kind": rig.master.axes[name].kind,
             **pair_facts(rig, name, delays)._asdict(),
-            **times(
-                greatest([port_claims(one, name, delays) for one in (each, *scales_of(each))]),
-                count,
-            ),
+            **summary_claims((each, *scales_of(each)), name, delays, count),
             **link_claims(rig, name, delays),
         }
         for name in rig.coupling.pairs

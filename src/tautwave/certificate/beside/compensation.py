@@ -15,8 +15,7 @@ from tautwave.certificate.belief import (
 )
 from tautwave.certificate.data import Element, PairLoop, Verdict
 from tautwave.config import Rig
-from tautwave.models.noise_colour import greatest_spectrum
-from tautwave.rig import axis_allowance, axis_params
+from tautwave.rig import axis_allowance, axis_claim, axis_params
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -61,26 +60,13 @@ def inertia_claim(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         return "velocity_limit"
     if math.isinf(has.effort_rate):
         return "effort_rate_limit"
-    known = axis_params(rig, axis_name, delays[axis_name], 0)
-    own, velocity = known.site.inertia, has.velocity
-    return Claim(
+    own = axis_params(rig, axis_name, delays[axis_name], 0).site.inertia
+    return axis_claim(rig, axis_name, delays[axis_name])._replace(
         reserve=0.5 * (own.account.reserve + own.account.debt),
-        leak=0.0,
-        feigned=0.0,
         effort=own.most,
-        rate=has.shared_rate,
-        velocity=velocity,
-        wall=0.0,
-        period=known.site.period,
-        blind=known.delay + known.late + rig.loop.missing_limit + rig.overrun_limit,
-        mass=has.inertia,
-        deviation=axis.position_noise,
-        peak=greatest_spectrum(axis.position_noise_autocorrelation),
-        quantum=axis.encoder_quantum,
-        nonlinearity=axis.encoder_nonlinearity,
         stop_damping=0.0,
         release=0.0,
-        kinetic=0.5 * axis.inertia.value * velocity**2,
+        bounded=math.inf,
     )
 
 

@@ -178,6 +178,7 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
         if axis.velocity_limit is None:
             # Its command is a velocity: without a limit there is nothing for the ramps to scale.
             document.report((*path, "velocity_limit"), "required key is missing (admittance axis)")
+    _check_stall(document, parts, path, axis)
     plugin = parts.plugins.get(axis.bus)
     if axis.follower is not None:
         _check_follower(document, path, axis, plugin)
@@ -189,6 +190,33 @@ def _check_axis(document: Document, parts: Parts, side: str, name: str, axis: Ax
                     f"required key is missing (bus {axis.bus!r} moves motors, so every limit is "
                     "required)",
                 )
+
+
+def _check_stall(document: Document, parts: Parts, path: tuple[str, ...], axis: Axis) -> None:
+    """Refuse end stops inside of the range, and a bound on the effort where it means nothing."""
+    if axis.mechanical_range is not None and axis.position_range is not None:
+        (low, high), (least, most) = axis.mechanical_range, axis.position_range
+        if least < low or most > high:
+            document.report(
+                (*path, "mechanical_range"),
+                f"its end stops are inside position_range [{least:g}, {most:g}]; measure them, or "
+                "narrow that",
+            )
+    if axis.stall_energy_j is None:
+        return
+    part, key = _law(parts), (*path, "stall_energy_j")
+    if axis.causality != "impedance":
+        document.report(key, "only for impedance axes; remove it")
+    elif axis.velocity_limit is None:
+        document.report(key, "needs velocity_limit, for which the energy is meant; give it")
+    elif part is None:
+        document.report(key, "only beside a coupling, and a rig with a scene has none; remove it")
+    elif not part.claim and parts.coupling is not None and parts.coupling.account is None:
+        document.report(
+            key,
+            f"{_word(parts)} relies on the efforts that it asks for; give it coupling.account, or "
+            "remove this",
+        )
 
 
 def _check_spending(

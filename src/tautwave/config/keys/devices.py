@@ -233,6 +233,17 @@ class Axis(Block):
         description="[rad | m] Minimum and maximum position; outside, the axis is damped and the "
         "run stops. Hardware: required.",
     )
+    mechanical_range: Annotated[tuple[float, float], AfterValidator(_check_range)] | None = Field(
+        default=None,
+        description="[rad | m] Positions of the device's end stops, which stop it whatever its "
+        "motor does: no effort that is held unseen works further than from one to the other.",
+    )
+    stall_energy_j: Literal["auto"] | Positive | None = Field(
+        default=None,
+        description="[J] What the device may gain while the host stalls, if it is let go then: "
+        "bounds the effort. auto: its kinetic energy at `velocity_limit`. Default: the same, where "
+        "that leaves the whole effort at rest; else no bound.",
+    )
     encoder_quantum: NonNegative = Field(default=0.0, description="[rad | m] Encoder step.")
     position_noise: NonNegative = Field(
         default=0.0, description="[rad | m] Standard deviation of the position noise."

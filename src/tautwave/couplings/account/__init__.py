@@ -69,5 +69,6 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         mutual=False,
         verdict="tautwave.couplings.account.verdict:verdict",
         claim="tautwave.couplings.account.claim:claimed_joules",
+        claim_terms="tautwave.couplings.account.claim:claim_of",
         messages=messages_with_account(load_named(plugin.messages or CouplingMessages())),
     )

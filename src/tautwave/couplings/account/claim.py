@@ -12,8 +12,7 @@ from collections.abc import Mapping
 from tautwave.analysis.claim import Claim
 from tautwave.config import Rig, local_wall
 from tautwave.couplings.account.from_keys import greatest_income
-from tautwave.models.noise_colour import greatest_spectrum
-from tautwave.rig import coupled_axis, end_constants
+from tautwave.rig import axis_claim, coupled_axis, end_constants, wall_params
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -28,24 +27,12 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
             return key
     known = coupled_axis(rig, axis_name, delays[axis_name])
     account = end_constants(rig, axis_name, delays[axis_name]).account
-    return Claim(
+    return axis_claim(rig, axis_name, delays[axis_name])._replace(
         reserve=0.5 * (account.reserve + account.debt),
         leak=greatest_income(account) / known.period,
-        feigned=0.0,
-        effort=axis.effort_limit,
-        rate=known.effort_rate,
-        velocity=known.velocity_limit,
-        wall=0.0 if local_wall(rig, axis_name) is None else axis.effort_limit,
-        period=known.period,
-        blind=known.delay + known.late + rig.loop.missing_limit + rig.overrun_limit,
-        mass=axis.inertia.lower,
-        deviation=axis.position_noise,
-        peak=greatest_spectrum(axis.position_noise_autocorrelation),
-        quantum=axis.encoder_quantum,
-        nonlinearity=axis.encoder_nonlinearity,
-        stop_damping=axis.damping.lower,
-        release=rig.coupling.release_ramp_s,
-        kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,
+        owed=0.0
+        if local_wall(rig, axis_name) is None
+        else wall_params(rig, axis_name, delays[axis_name]).reserve,
     )
 
 

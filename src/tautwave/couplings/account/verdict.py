@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from tautwave.analysis.claim import joules, watts
+from tautwave.analysis.claim import joules, stall_words, watts
 from tautwave.certificate.belief import assumed, broken_delay, broken_inertia
+from tautwave.certificate.claims import judge_claim
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.tuning.two_port import tuning
 from tautwave.certificate.tuning.verdict import tuning_sentence
@@ -29,11 +30,15 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
     reason = (
         f"{name}: passive by account: whatever the law commands, in {seconds:g} s it gives out at "
         f"most {joules(claim.seen(seconds))} as its encoder sees it (reserve and "
-        f"debt {joules(2.0 * claim.reserve)}, {joules(claim.under_way)} under way, "
+        f"debt {joules(2.0 * claim.reserve)}, {stall_words(claim)}, "
         f"{watts(claim.leak)}), {joules(claim.true(seconds))} in fact, if the noise is white "
         "and as declared."
     )
-    passive = Verdict(True, reason, tuple(assumed(axis, axis_name, inertia=True)))
+    judged = judge_claim(rig, axis_name, claim)
+    conditions = (*assumed(axis, axis_name, inertia=True), *judged.conditions)
+    passive = Verdict(True, reason, conditions)
+    if judged.refusal:
+        passive = Verdict(False, f"{name}: {judged.refusal}")
     for text in broken:
         if text is not None:
             passive = Verdict(False, f"{name}: {text}")

@@ -21,6 +21,7 @@ plugin = CouplingPlugin(
     linear="tautwave.couplings.wave.linear:linear_end",
     verdict="tautwave.couplings.wave.verdict:verdict",
     claim="tautwave.couplings.wave.claim:claimed_joules",
+    claim_terms="tautwave.couplings.wave.claim:claim_of",
     variant="tautwave.couplings.wave.augmented:with_augmentation",
     resolve="tautwave.couplings.wave.automatic:resolve",
     tune="tautwave.couplings.wave.port:tune",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from tautwave.allowance import AxisAllowance
-from tautwave.analysis.claim import Claim, joules, short, watts
+from tautwave.analysis.claim import Claim, joules, short, stall_words, watts
 from tautwave.config import Rig, local_wall
 from tautwave.couplings.wave.from_keys import (
     declared_noise,
@@ -19,8 +19,8 @@ from tautwave.couplings.wave.from_keys import (
 )
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.port import port_reserve
-from tautwave.models.noise_colour import greatest_spectrum
-from tautwave.rig import axis_allowance, coupled_axis
+from tautwave.laws.ramp import ramp_bound, ramp_params
+from tautwave.rig import axis_allowance, axis_claim, coupled_axis, wall_params
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -41,64 +41,34 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     if missing:
         return " and ".join(missing)
     known = coupled_axis(rig, axis_name, delays[axis_name])
-    blind = (
-        known.delay
-        + known.late
-        + rig.loop.missing_limit
-        + math.ceil(rig.overrun_limit / rig.axis_divisor(axis_name))
-    )
-    wall = 0.0 if local_wall(rig, axis_name) is None else axis.effort_limit
+    own = axis_claim(rig, axis_name, delays[axis_name])
     if axis.inertia is None:
         port = servo_port(pair, side, known)
-        return Claim(
+        return own._replace(
             reserve=port.reserve,
             leak=port.leak / port.period,
-            feigned=0.0,
-            effort=axis.effort_limit,
-            rate=math.inf,
-            velocity=known.velocity_limit,
-            wall=wall,
-            period=known.period,
-            blind=blind,
-            mass=math.inf,
             deviation=known.position_noise,
-            peak=greatest_spectrum(axis.position_noise_autocorrelation),
             quantum=known.encoder_quantum,
-            nonlinearity=axis.encoder_nonlinearity,
-            stop_damping=0.0,
-            release=0.0,
-            kinetic=0.0,
             spring=axis.outside_stiffness,
         )
     observer = observer_of(pair, side, known.period, axis.inertia.lower)
-    noise = declared_noise(pair, side, known)
-    late = known.delay + known.late
-    return Claim(
-        reserve=port_reserve(
-            port_impedance(pair, side),
-            known.period,
-            late,
-            observer.velocity * known.period,
-            known.velocity_limit,
-        ),
+    reserve = port_reserve(
+        port_impedance(pair, side),
+        known.period,
+        known.delay + known.late,
+        observer.velocity * known.period,
+        known.velocity_limit,
+    )
+    walled = local_wall(rig, axis_name) is not None
+    ramp = ramp_params(known.period, axis.inertia.lower, known.effort_rate)
+    return own._replace(
+        reserve=reserve,
         leak=tank_leak(pair, side, known),
-        feigned=noise.gained,
-        effort=axis.effort_limit,
-        rate=known.effort_rate,
-        velocity=known.velocity_limit,
-        wall=wall,
-        period=known.period,
-        blind=blind,
-        mass=axis.inertia.lower,
-        deviation=axis.position_noise,
-        peak=greatest_spectrum(axis.position_noise_autocorrelation),
-        quantum=axis.encoder_quantum,
-        nonlinearity=axis.encoder_nonlinearity,
-        stop_damping=axis.damping.lower,
-        release=rig.coupling.release_ramp_s,
-        kinetic=0.5 * axis.inertia.value * known.velocity_limit**2,
+        feigned=declared_noise(pair, side, known).gained,
         lag=swing_lag(pair, side, known),
         steps=effort_steps(known),
+        owed=wall_params(rig, axis_name, delays[axis_name]).reserve if walled else 0.0,
+        ramped=math.inf if walled else ramp_bound(ramp, reserve, known.velocity_limit),
     )
 
 
@@ -116,9 +86,13 @@ def claimed_sentence(axis_name: str, claim: Claim, seconds: float) -> str:
         times = short(claim.seen(seconds) / claim.kinetic)
         moving = f", {times} times the {joules(claim.kinetic)} that it has at its velocity limit"
     least = "" if math.isinf(claim.mass) else ", if its inertia is at least inertia.lower"
+    owed = ""
+    if claim.owed > 0.0:
+        owed = f", {joules(claim.owed)} that its wall may owe after earlier ones"
     return (
-        f"{axis_name} port: whatever moves it{least}, it supplies at most {seen} in {seconds:g} s "
+        f"{axis_name}: whatever moves it{least}, it supplies at most {seen} in {seconds:g} s "
         f"as seen by its encoder{moving}: twice the reserve of {joules(claim.reserve)}, "
-        f"{joules(claim.under_way)} from commands acting between samples, and "
-        f"{watts(claim.leak)}. If the noise is as declared, it actually supplies at most {true}."
+        f"{stall_words(claim)}{owed}, and {watts(claim.leak)}. While the host is prompt that is "
+        f"{joules(claim.prompt(seconds))}. If the noise is as declared, it actually supplies at "
+        f"most {true}."
     )

@@ -25,10 +25,6 @@ GREATEST_LEAK = 0.01
 """Of effort limit times velocity limit."""
 
 
-LEAST = 2
-"""Periods without a sample, or skipped slots: with fewer every single one ends a run."""
-
-
 def _follower_facts(axis: Axis) -> str:
     """Return what the port of a follower does, as a sentence without a full stop."""
     assert axis.follower is not None
@@ -100,60 +96,6 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
         yield f"admittance port of {axis_name}", text
     yield from noise_hints(rig, delays)
     yield from ramp_hints(rig, delays)
-    yield from claim_hints(rig, delays)
-
-
-def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
-    """Yield hints on ports that claim more than their devices have at the velocity limit."""
-    causes: dict[str, dict[str, Claim]] = {}
-    for axis_name in rig.axes:
-        claim = claim_of(rig, axis_name, delays)
-        if isinstance(claim, Claim) and claim.kinetic > 0.0 and ratio(rig, claim) > 1.0:
-            causes.setdefault(main_cause(rig, axis_name, claim), {})[axis_name] = claim
-    limits = {"overrun_limit": rig.overrun_limit, "missing_limit": rig.loop.missing_limit}
-    for key, claims in causes.items():
-        who = "" if len(causes) == 1 else f"{', '.join(claims)}: "
-        now = max(ratio(rig, claim) for claim in claims.values())
-        much = f"{who}{short(now)} times the kinetic energy at the velocity limit"
-        if key not in limits:
-            yield "hint on claims", f"{much}; {key}"
-            continue
-        for value in range(limits[key] - 1, LEAST - 1, -1):
-            less = [shorter(rig, name, claim, key, value) for name, claim in claims.items()]
-            left = max(ratio(rig, claim) for claim in less)
-            if left <= 1.0:
-                break
-        best = f"with {value} it is {short(left)} times"
-        text = f"{much}, most of it from loop.{key} {limits[key]}; {best}"
-        yield "hint on claims", text
-
-
-def ratio(rig: Rig, claim: Claim) -> float:
-    """Return a claim over the kinetic energy at the velocity limit."""
-    return claim.seen(rig.claimed_s) / claim.kinetic
-
-
-def main_cause(rig: Rig, axis_name: str, claim: Claim) -> str:
-    """Return the key that most lowers a claim, with its verb if it is none of the loop's."""
-    less = {
-        "lower wave_impedance": claim._replace(reserve=0.0, leak=0.0),
-        "lower effort_limit": claim._replace(effort=0.5 * claim.effort),
-        "raise effort_rate_limit": claim._replace(rate=math.inf),
-    }
-    if rig.overrun_limit > LEAST:
-        less["overrun_limit"] = shorter(rig, axis_name, claim, "overrun_limit", LEAST)
-    if rig.loop.missing_limit > LEAST:
-        less["missing_limit"] = shorter(rig, axis_name, claim, "missing_limit", LEAST)
-    return min(less, key=lambda key: less[key].seen(rig.claimed_s))
-
-
-def shorter(rig: Rig, axis_name: str, claim: Claim, key: str, value: int) -> Claim:
-    """Return a claim with another limit of the loop."""
-    if key == "missing_limit":
-        return claim._replace(blind=claim.blind - rig.loop.missing_limit + value)
-    divisor = rig.axis_divisor(axis_name)
-    fewer = math.ceil(rig.overrun_limit / divisor) - math.ceil(value / divisor)
-    return claim._replace(blind=claim.blind - fewer)
 
 
 def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:

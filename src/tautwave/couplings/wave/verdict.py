@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from tautwave.analysis.claim import Claim, joules, short, watts
+from tautwave.analysis.claim import Claim, joules, watts
 from tautwave.analysis.wave_port.device_class import LATEST
 from tautwave.certificate.belief import (
     assumed,
@@ -18,6 +18,7 @@ from tautwave.certificate.belief import (
     broken_delay,
     broken_inertia,
 )
+from tautwave.certificate.claims import judge_claim
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
@@ -32,9 +33,6 @@ from tautwave.rig import at_axis_rate, axis_allowance, coupled_axis, pair_scale
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
-
-EMPTY_CLAIM = 1e9
-"""Kinetic energies above which a claim says nothing."""
 
 
 def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterator[Element]:
@@ -197,13 +195,17 @@ def _passive(
             f"{name}: wall and load use {taken:.4g} {unit} of the device's guaranteed "
             f"{free:.4g}, but a port needs some; soften the wall, or raise rate_hz",
         )
+    judged = judge_claim(rig, axis_name, claim)
+    refused = Verdict(False, f"{name}: {judged.refusal}")
     conditions = tuple(assumed(axis, axis_name, inertia=True, damping=True))
+    if _is_augmented(rig, axis_name) and judged.refusal:
+        return refused
     if _is_augmented(rig, axis_name):
         return Verdict(
             True,
             f"{name}: passive by account: its tank covers the force added to its wave, and its "
             "claim is the same as without; no statement is made about its damping.",
-            conditions,
+            (*conditions, *judged.conditions),
         )
     port = port_of(rig, axis_name, delays, left)
     d = port.devices
@@ -219,16 +221,13 @@ def _passive(
             f"{name}: with a {whom}, {_excess(gain)}; {remedy_of(rig, axis_name, delays, left)}",
             margin=1.0 - gain if math.isfinite(gain) else None,
         )
-    times = claim.seen(0.0) / claim.kinetic
-    if times > EMPTY_CLAIM:
-        return Verdict(
-            False,
-            f"{name}: its limits are too loose: it may supply {short(times)} times the kinetic "
-            "energy of its device at the velocity limit, most of it between samples and at "
-            f"effort_limit {claim.effort:g}; give the actual limits of device and motor",
-        )
+    if judged.refusal:
+        return refused
     return Verdict(
-        True, f"{name}: returns no more of a wave than arrives, with any {whom}.", conditions, 0.0
+        True,
+        f"{name}: returns no more of a wave than arrives, with any {whom}.",
+        (*conditions, *judged.conditions),
+        0.0,
     )
 
 

@@ -63,6 +63,8 @@ def recheck_run(run: Run) -> dict[str, Any]:
             "blow_j": end.blow,
             "claim_j": end.claim,
             "true_j": block(certificate, "elements", f"{end.axis} port").get("true_j"),
+            "gap_s": end.gap_s,
+            "stalled": end.stalled,
             "passed": end.passed,
         }
         for end in ends

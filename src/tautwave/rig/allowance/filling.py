@@ -61,6 +61,7 @@ def _device(rig: Rig, axis_name: str, delay: CommandDelay) -> Device:
     axis = rig.axes[axis_name]
     period = rig.axis_period_s(axis_name)
     late = delay.periods + delay.remainder_s / period
+    stops = axis.mechanical_range
     stalled = math.ceil(rig.overrun_limit / rig.axis_divisor(axis_name))
     return Device(
         period=period,
@@ -73,6 +74,7 @@ def _device(rig: Rig, axis_name: str, delay: CommandDelay) -> Device:
         coulomb=axis.coulomb.lower,
         velocity=math.inf if axis.velocity_limit is None else axis.velocity_limit,
         inertia=math.inf if axis.inertia is None else axis.inertia.lower,
+        mechanical_range=None if stops is None else stops[1] - stops[0],
     )
 
 

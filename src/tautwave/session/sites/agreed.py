@@ -49,6 +49,9 @@ def claim_sessions(summary: dict[str, Any]) -> None:
         claims = pair.get("claim_j", {})
         granted = link["granted_j"][name]  # what brought it into place, and held it
         pair["claim_j"] = {s: max(1, count) * claim + granted for s, claim in claims.items()}
+        for stated in pair.get("claims", {}).values():
+            for key in ("claim_j", "prompt_j"):
+                stated[key] = max(1, count) * stated[key] + granted
 
 
 def lost_words(peer: str, since_s: float, why: str) -> str:

@@ -1,0 +1,240 @@
+"""Whether what an axis may supply means something to a person: measured by its own motion.
+
+K is the kinetic energy of a device at its velocity limit, which it may have anyway. While the host
+is prompt an axis may supply twice that, and as much in a stall, to a device that is let go. Beyond,
+the verdict depends on a condition in words; far beyond there is none, and a key is named that
+lowers the claim.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from tautwave.analysis.claim import Claim, joules, short, watts
+from tautwave.config import Rig
+from tautwave.registry import load_named
+from tautwave.rig import axis_allowance, coupling_part
+from tautwave.types import CommandDelay
+
+PROMPT_PASSES, PROMPT_REFUSED = 2.0, 10.0
+"""Times K that a prompt host may supply without a condition, and at all."""
+
+STALL_PASSES, STALL_REFUSED = 1.0, 100.0
+"""Times K of a stall without a condition, and at all."""
+
+LEAST = 2
+"""Periods without a sample, or skipped slots: with fewer every single one ends a run."""
+
+Delays = Mapping[str, CommandDelay]
+
+
+class Judged(NamedTuple):
+    """What becomes of a claim: a refusal, "" if there is none, and conditions in words."""
+
+    refusal: str = ""
+    conditions: tuple[str, ...] = ()
+
+    @property
+    def state(self) -> str:
+        """`passed`, `conditional` or `refused`."""
+        if self.refusal:
+            return "refused"
+        return "conditional" if self.conditions else "passed"
+
+
+def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
+    """Return the verdict on a claim; nothing is said of a device without kinetic energy."""
+    most = claim.kinetic
+    if not most > 0.0:
+        return Judged()
+    prompt, once, stall = claim.prompt(rig.claimed_s), claim.at_once(), claim.let_go
+    if once > PROMPT_REFUSED * most:
+        return Judged(
+            f"it may supply {joules(once)} at once while the host is prompt, {short(once / most)} "
+            f"times the {joules(most)} that it has at its velocity limit; {less_at_once(claim)}"
+        )
+    if stall > STALL_REFUSED * most:
+        return Judged(
+            f"in one stall of {_ms(claim.gap)} it may supply {joules(stall)}, "
+            f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit; "
+            f"{shorter_stall(rig, axis_name, claim)}"
+        )
+    found = []
+    if prompt > PROMPT_PASSES * most:
+        found.append(
+            f"{joules(prompt)} in {rig.claimed_s:g} s, {short(prompt / most)} times the "
+            f"{joules(most)} that {axis_name} has at its velocity limit, may be supplied while "
+            f"the host is prompt: {prompt_cause(claim, rig.claimed_s)}"
+        )
+    if stall > STALL_PASSES * most:
+        safe = claim.safe_gap()
+        when = f"never stalls for more than {_ms(safe)}" if safe > 0.0 else "never misses a sample"
+        found.append(
+            f"the host {when} ({axis_name} may supply {joules(stall)} in one of {_ms(claim.gap)}, "
+            f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit)"
+        )
+    return Judged(conditions=tuple(found))
+
+
+def prompt_cause(claim: Claim, seconds: float) -> str:
+    """Return what most of a prompt host's claim is made of, in words."""
+    ramp = claim.held(claim.late + 1.0) - claim._replace(rate=math.inf).held(claim.late + 1.0)
+    late = claim.held(claim.late + 1.0) - ramp - claim._replace(rate=math.inf).held(1.0)
+    parts = {
+        f"its noise and steps let {watts(claim.leak)} in": claim.leak * seconds,
+        "its effort takes long to fall (effort_rate_limit)": ramp,
+        f"its commands act {claim.late:g} periods late": late,
+        f"each effort acts for {_ms(claim.period)} unseen": claim._replace(rate=math.inf).held(1.0),
+        "its port has a large reserve (wave_impedance)": 2.0 * claim.reserve,
+    }
+    return max(parts, key=lambda words: parts[words])
+
+
+def less_at_once(claim: Claim) -> str:
+    """Return what makes the claim of a prompt host one that is not refused, in words.
+
+    One limit of the axis, where that is enough, with the value from which on it is.
+    """
+    most = PROMPT_REFUSED * claim.kinetic
+    faster, weaker = claim._replace(rate=math.inf), claim._replace(effort=0.0)
+    if faster.at_once() <= most:
+        rate = claim.rate
+        while claim._replace(rate=rate).at_once() > most:
+            rate *= 1.5
+        return f"effort_rate_limit of {float(f'{rate:.2g}') * 1.1:.2g} or more would do"
+    if weaker.at_once() <= most:
+        effort = claim.effort
+        while claim._replace(effort=effort).at_once() > most:
+            effort /= 1.5
+        return f"effort_limit of {0.9 * effort:.2g} or less would do"
+    return "lower wave_impedance, and give the actual limits of device and motor"
+
+
+def lowering_key(rig: Rig, axis_name: str, claim: Claim) -> str:
+    """Return the change that most lowers a claim, in words."""
+    less = changed_claims(rig, axis_name, claim)
+    return min(less, key=lambda words: less[words].seen(rig.claimed_s))
+
+
+def changed_claims(rig: Rig, axis_name: str, claim: Claim) -> dict[str, Claim]:
+    """Return what a claim would be with one key changed, by the change."""
+    less = {
+        "lower wave_impedance": claim._replace(reserve=0.0, leak=0.0),
+        "lower effort_limit": claim._replace(effort=0.5 * claim.effort),
+        "raise effort_rate_limit": claim._replace(rate=math.inf),
+    }
+    limits = {"overrun_limit": rig.overrun_limit, "missing_limit": rig.loop.missing_limit}
+    for key, value in limits.items():
+        if value > LEAST:
+            less[f"lower loop.{key}"] = with_limit(rig, axis_name, claim, key, LEAST)
+    return less
+
+
+def with_limit(rig: Rig, axis_name: str, claim: Claim, key: str, value: int) -> Claim:
+    """Return a claim with another limit of the loop."""
+    if key == "missing_limit":
+        return claim._replace(blind=claim.blind - rig.loop.missing_limit + value)
+    divisor = rig.axis_divisor(axis_name)
+    fewer = math.ceil(rig.overrun_limit / divisor) - math.ceil(value / divisor)
+    return claim._replace(blind=claim.blind - fewer)
+
+
+def shorter_stall(rig: Rig, axis_name: str, claim: Claim) -> str:
+    """Return what makes the claim of a stall one that is not refused, in words.
+
+    Both limits of the loop count in it: where neither is enough alone, both are named.
+    """
+    limits = {"overrun_limit": rig.overrun_limit, "missing_limit": rig.loop.missing_limit}
+    most, done, words = STALL_REFUSED * claim.kinetic, claim, []
+    for key in sorted(limits, key=lambda key: -limits[key]):
+        value = limits[key]
+        while value > LEAST and with_limit(rig, axis_name, done, key, value).let_go > most:
+            value = max(LEAST, value // 2)
+        if value < limits[key]:
+            done = with_limit(rig, axis_name, done, key, value)
+            words.append(f"loop.{key} to {value}")
+        if done.let_go <= most:
+            break
+    if done.let_go > most:
+        return "its limits are too loose: give the actual limits of device and motor"
+    stops = ", or give mechanical_range, its end stops" if math.isinf(claim.travel) else ""
+    return f"lower {' and '.join(words)}{stops}"
+
+
+def terms_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
+    """Return the terms of what an end may supply, or the key without which it is unbounded.
+
+    "" of a law that tells none.
+    """
+    named = coupling_part(rig).claim_terms
+    if not named:
+        return ""
+    found: Claim | str = load_named(named)(rig, axis_name, delays)
+    return found
+
+
+def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+    """Yield hints on axes whose stall gives more than their devices have at the velocity limit."""
+    causes: dict[str, dict[str, Claim]] = {}
+    for axis_name in rig.axes:
+        claim = terms_of(rig, axis_name, delays)
+        if isinstance(claim, Claim) and claim.kinetic > 0.0 and claim.let_go > claim.kinetic:
+            causes.setdefault(lowering_key(rig, axis_name, claim), {})[axis_name] = claim
+    limits = {
+        "lower loop.overrun_limit": ("overrun_limit", rig.overrun_limit),
+        "lower loop.missing_limit": ("missing_limit", rig.loop.missing_limit),
+    }
+    for change, claims in causes.items():
+        who = "" if len(causes) == 1 else f"{', '.join(claims)}: "
+        now = max(claim.let_go / claim.kinetic for claim in claims.values())
+        much = f"{who}a stall gives {short(now)} times the kinetic energy at the velocity limit"
+        if change not in limits:
+            yield "hint on claims", f"{much}; {change}"
+            continue
+        key, limit = limits[change]
+        for value in range(limit - 1, LEAST - 1, -1):
+            left = max(_let_go(rig, name, delays, key, value) for name in claims)
+            if left <= 1.0:
+                break
+        text = f"{much}, most of it from loop.{key} {limit}; with {value} it is {short(left)} times"
+        if left > 1.0:
+            text = f"{text}, and with stall_energy_j: auto at most 1, at the cost of effort"
+        yield "hint on claims", text
+
+
+def bound_hints(rig: Rig, delays: Delays) -> Iterator[tuple[str, str]]:
+    """Yield what `stall_energy_j` leaves of an axis' effort at rest, where that is not all."""
+    for axis_name in rig.axes:
+        claim = terms_of(rig, axis_name, delays)
+        limit = axis_allowance(rig, axis_name, delays[axis_name]).effort
+        if not isinstance(claim, Claim) or math.isinf(claim.bounded) or claim.effort >= limit:
+            continue
+        found = ""
+        for value in range(rig.overrun_limit - 1, LEAST - 1, -1):
+            loop = rig.loop.model_copy(update={"overrun_limit": value})
+            less = terms_of(rig.model_copy(update={"loop": loop}), axis_name, delays)
+            if isinstance(less, Claim) and less.effort >= limit:
+                found = f"; with loop.overrun_limit {value} all of it"
+                break
+        unit = "N m" if rig.axes[axis_name].kind == "rotary" else "N"
+        yield (
+            f"hint on {axis_name}",
+            f"stall_energy_j leaves {claim.effort:.3g} {unit} of its effort at rest, "
+            f"{claim.effort / limit:.0%} of effort_limit, and less while it moves{found}",
+        )
+
+
+def _let_go(
+    rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], key: str, value: int
+) -> float:
+    """Return what a stall gives with another limit of the loop, over the kinetic energy."""
+    loop = rig.loop.model_copy(update={key: value})
+    claim = terms_of(rig.model_copy(update={"loop": loop}), axis_name, delays)
+    assert isinstance(claim, Claim)
+    return claim.let_go / claim.kinetic
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms"
