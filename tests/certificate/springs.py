@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.certificate import Certificate, certify
+from tautwave.certificate import certify
 from tautwave.config import Rig
 from tests.certificate.cycles import Friction, Suspected, drawn_motions, greedy_gain, lap_of
 from tests.rigs.running import Tree, rig_of
@@ -135,7 +135,7 @@ def is_certified(drawn: Drawn) -> bool:
     return certify(drawn.rig).verdicts["passive"].passed
 
 
-def edge_of(drawn: Drawn) -> tuple[Drawn, Certificate] | None:
+def edge_of(drawn: Drawn) -> Drawn | None:
     """Return the rig at the edge of its certificate: what both devices can spare is taken away."""
     rig = rig_of(drawn.tree)
     certificate = certify(rig)
@@ -151,7 +151,7 @@ def edge_of(drawn: Drawn) -> tuple[Drawn, Certificate] | None:
         own = 0.0 if axis.compensation is None else axis.compensation.viscous
         less = pair.in_device_units(side, spare) / (1.0 - own)
         out = with_damping(out, side, axis.damping.lower - less)
-    return drawn._replace(tree=out, gentle=gentle), certificate
+    return drawn._replace(tree=out, gentle=gentle)
 
 
 class Attack(NamedTuple):
