@@ -154,6 +154,33 @@ def test_needs_are_covered_exactly_where_nothing_is_lacking() -> None:
         assert not needs.covered(*(have + lack - 1e-9))
 
 
+def test_what_both_devices_lack_does_not_make_up_for_each_other() -> None:
+    """The product of two negative numbers is positive."""
+    assert not Needs(1.0, 1.0, 0.5).covered(0.0, 0.0)
+    assert not Needs(1.0, 1.0, 0.5).covered(3.0, 0.5)
+    assert Needs(1.0, 1.0, 0.5).covered(1.5, 1.5)
+
+
+@pytest.mark.parametrize("late", [1, 2, 5])
+def test_one_end_that_acts_later_than_the_other(late: int) -> None:
+    """N11 = N12 = L K, N21 = N22 = 0: n12 is the mean of both."""
+    answers = np.zeros((late + 1, 2, 2))
+    answers[late, 0], answers[0, 1] = (50.0, -50.0), (-50.0, 50.0)
+    spring = spring_of(answers, T)
+    assert spring is not None
+    needs = clipped_needs(spring)
+    step = 50.0 * T
+    wanted = (step * (0.5 + late), step * 0.5, step * (0.5 + 0.5 * late))
+    assert (needs.one, needs.two, needs.both) == pytest.approx(wanted)
+    assert linear_lack(spring).damping <= needs.lack(0.0, 0.0) * 1.01
+
+
+def test_what_a_cut_leaves_out_is_added_to_the_need() -> None:
+    spring = Law(50.0, 2).spring()
+    more = linear_lack(spring._replace(rest=3.0)).damping - linear_lack(spring).damping
+    assert more == pytest.approx(2.0 * T * 3.0)
+
+
 def test_answers_that_are_no_spring_are_refused() -> None:
     answers = Law(50.0, 2).answers()
     assert spring_of(answers, T) is not None

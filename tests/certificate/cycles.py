@@ -55,10 +55,9 @@ def lap_of(rig: Rig, motion: Array, friction: Friction, settle: int) -> Gain:
     """
     size = motion.shape[1]
     before = -(-settle // size) * size
-    path = np.concatenate(
-        [np.repeat(motion[:, :1], 8, axis=1), *[motion] * (before // size + 1), motion[:, :1]],
-        axis=1,
-    )
+    rest = np.zeros((2, 8))
+    way = motion[:, :1] * minimum_jerk(64)  # from 0, where walls begin: pairs engage out of them
+    path = np.concatenate([rest, way, *[motion] * (before // size + 1), motion[:, :1]], axis=1)
     begin = path.shape[1] - 1 - size
     efforts = np.zeros((2, size))
     with Stepper(rig, outside=("master", "slave"), duration_s=path.shape[1] * rig.period_s) as one:

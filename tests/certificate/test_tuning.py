@@ -87,8 +87,21 @@ def test_scales_turn_and_weigh_the_slave() -> None:
     scaled = rig("position", {**keys, "position_scale": 2.0, "force_scale": 3.0}, 4, 0.4)
     found = tuning(scaled, "a", command_delays(scaled))
     assert found is not None
-    # F_s = 3 F_m at x_s = 2 x_m: half of each, so in pair's units nothing is scaled but x
-    assert found.short > 0.0
+    # F_s = 3 F_m at x_s = 2 x_m: in the pair's units a spring is what it was
+    assert found.needed == pytest.approx(plain.needed)
+    assert found.clipped_needed == pytest.approx(plain.clipped_needed)
+    assert found.clipped_short == pytest.approx(
+        clipped_lack(plain.clipped_needed, 0.4, 0.4 * 2 / 3)
+    )
+
+
+def clipped_lack(needed: float, one: float, two: float) -> float:
+    """What both lack of a spring and a damper with a line of 4 periods, as two equal devices need.
+
+    n11 = n22 = K T / 2 + B, n12 = needed - n11.
+    """
+    own = 100.0 * T / 2.0 + 0.3
+    return math.hypot(0.5 * (one - two), needed - own) - 0.5 * (one + two) + own
 
 
 def loops(slots: int, stiffness: float, damper: float, damping: float) -> Iterator[float]:
@@ -243,6 +256,9 @@ def test_both_ends_are_clipped_at_the_weaker_ones_certain_share() -> None:
     assert clip_of({"slave.axes.a.load": {"constant": 1.0}}) == pytest.approx((8.9, 8.9))
     wall = {"position": 0.1, "stiffness": 20.0}
     assert clip_of(wall_master=wall) == (5.0, 5.0)
+    lifted = {"compensation": {"inertia": 0.3}, "effort_rate_limit": 1e5}
+    lifted = {f"master.axes.a.{key}": value for key, value in lifted.items()}
+    assert clip_of(lifted) == (7.0, 7.0)
     assert clip_of({limit: 6.0}, wall_master={**wall, "effort_limit": 3.0}) == (6.0, 6.0)
     assert clip_of({limit: 8.0}, wall_master={**wall, "effort_limit": 3.0}) == (7.0, 7.0)
     with pytest.raises(ConfigError, match=r"lower coupling\.pairs\.a\.wall_master\.effort_limit"):
@@ -281,6 +297,54 @@ def test_a_long_delay_is_no_longer_cut_by_a_grid() -> None:
     assert found is not None
     assert found.clipped_needed == pytest.approx(100.0 / rate * 2001.0, rel=1e-9)
     assert found.clipped_needed <= found.needed <= 1.01 * found.clipped_needed
+
+
+def test_a_damper_on_filtered_velocities_is_covered_while_nothing_else_is_sent() -> None:
+    """They are predicted from the efforts that were sent: a wall's, too."""
+    filtered: dict[str, object] = {
+        f"{side}.axes.a.velocity_filter_s": 0.002 for side in ("master", "slave")
+    }
+    bare = rig_with("position", filtered, damping=0.05)
+    found = tuning(bare, "a", command_delays(bare))
+    assert found is not None
+    assert found.hears
+    assert found.clipped_needed == math.inf
+    passed = coupled("position", filtered, damping=0.05)
+    assert passed.passed
+    assert "asks for no more than 10 N m at the master and 10 at the slave" in passed.conditions[0]
+    wall = {"position": 0.1, "stiffness": 20.0}
+    walled = coupled("position", filtered, damping=0.05, wall_slave=wall)
+    assert not walled.passed
+    assert "the wall of slave.a would enter its spring" in walled.reason
+    help_: dict[str, object] = {"master.axes.a.compensation": {"viscous": 0.1}}
+    helped = coupled("position", filtered, help_, damping=0.05)
+    assert not helped.passed
+    assert "the compensation of master.a would enter" in helped.reason
+    assert coupled("position", filtered, damping=0.0, wall_slave=wall).passed
+
+
+def test_a_belief_that_the_simulation_contradicts_is_no_proof() -> None:
+    found = coupled("position", {"simulation.axes": {"slave.a": {"damping": 1.0}}})
+    assert not found.passed
+    assert "slave.a, the device's simulated damping 1 is below damping.lower 2" in found.reason
+
+
+def test_effort_steps_rest_on_friction() -> None:
+    steps = {"master.axes.a.effort_quantum": 0.01}
+    said = "the effort steps of master.a (0.01) are not above its Coulomb friction"
+    assert any(one.startswith(said) for one in coupled("position", dict(steps)).conditions)
+    enough: dict[str, object] = {**steps, "master.axes.a.coulomb": 0.02}
+    assert not any("steps" in one for one in coupled("position", enough).conditions)
+    spent = {**enough, "master.axes.a.compensation": {"coulomb": 0.6}}
+    assert any(one.startswith(said) for one in coupled("position", spent).conditions)
+
+
+def test_the_rate_that_suffices_is_stated_and_suffices() -> None:
+    """K (v + v) for a spring without a damper, 20 N m/rad at 20 rad/s each."""
+    rate: dict[str, object] = {"master.axes.a.effort_rate_limit": 500.0}
+    [said] = coupled("position", rate).conditions
+    assert said.endswith("; 800 would suffice at all velocities within its limits")
+    assert not coupled("position", {"master.axes.a.effort_rate_limit": 801.0}).conditions
 
 
 @pytest.mark.parametrize("slots", [0, 1])
