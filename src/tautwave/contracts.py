@@ -39,9 +39,9 @@ class BusSpec(NamedTuple):
     """What a driver needs to know about its bus: axes, rate and permissions.
 
     `rate_hz` is the rig's over the bus' divisor. `allow_unwatched`: accept devices without a
-    watchdog; `configure`: write lasting settings where they differ. With a `divisor` above 1 `read`
-    and `write` come in the last cycle before the next request: a command acts at least one bus
-    period after the sample.
+    watchdog; `configure`: write lasting settings where they differ (`device_settings`). With a
+    `divisor` above 1 `read` and `write` come in the last cycle before the next request: a command
+    acts at least one bus period after the sample.
     """
 
     name: str

@@ -7,7 +7,8 @@ TautwaveError
 ├── BusBudgetError                    4  the rig is faster than its bus, or than this machine
 ├── DriverError                       5  a bus or a device failed
 │   ├── BusTimeout (TimeoutError)     5  nothing answered in time
-│   └── DeviceFault                   5  a device reported a fault
+│   ├── DeviceFault                   5  a device reported a fault
+│   └── SettingsDifferError           5  lasting settings differ, and may not be written
 ├── LinkError                         5  the other site is lost
 ├── SafetyStop                        6  a limit or a guard ended the run
 └── RecordingError (OSError)          2  a recording cannot be read
@@ -72,6 +73,18 @@ class BusTimeout(DriverError, TimeoutError):
 
 class DeviceFault(DriverError):
     """A device reported a fault of its own."""
+
+
+class SettingsDifferError(DriverError):
+    """Lasting settings differ; `differences` are sentences, of all devices of `buses`."""
+
+    def __init__(self, buses: Sequence[str], differences: Sequence[str]) -> None:
+        self.buses, self.differences = tuple(buses), tuple(differences)
+        listed = "".join(f"\n  {one}" for one in differences)
+        super().__init__(
+            f"bus {', '.join(buses)}: lasting settings differ:{listed}\n"
+            "--configure, once, writes them into the devices"
+        )
 
 
 class LinkError(TautwaveError):

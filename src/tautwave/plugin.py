@@ -39,11 +39,20 @@ if TYPE_CHECKING:
     from tautwave.controller.records import AxisParams, AxisState, PairParams
     from tautwave.controller.seen import seen_law
     from tautwave.controller.steps import OWN_GUARDS, Guard, Law, Steps
+    from tautwave.device_settings import (
+        DeviceSetting,
+        DeviceSettings,
+        Lasts,
+        SettingRefusedError,
+        Settled,
+        refuse_differences,
+    )
     from tautwave.errors import (
         BusTimeout,
         ConfigError,
         DeviceFault,
         DriverError,
+        SettingsDifferError,
         TautwaveError,
     )
     from tautwave.truth import AxisModel, EnvironmentPlugin, HandPlugin
@@ -74,8 +83,13 @@ _MODULES = {
     "controller.records": ("AxisParams", "AxisState", "PairParams"),
     "controller.seen": ("seen_law",),
     "controller.steps": ("OWN_GUARDS", "Guard", "Law", "Steps"),
+    "device_settings": (
+        "DeviceSetting", "DeviceSettings", "Lasts", "SettingRefusedError", "Settled",
+        "refuse_differences",
+    ),
     "errors": (
-        "BusTimeout", "ConfigError", "DeviceFault", "DriverError", "TautwaveError",
+        "BusTimeout", "ConfigError", "DeviceFault", "DriverError", "SettingsDifferError",
+        "TautwaveError",
     ),
     "truth": ("AxisModel", "EnvironmentPlugin", "HandPlugin"),
     "types": (
@@ -111,6 +125,8 @@ __all__ = [
     "CouplingVerdict",
     "CycleCost",
     "DeviceFault",
+    "DeviceSetting",
+    "DeviceSettings",
     "Driver",
     "DriverError",
     "DriverPlugin",
@@ -129,6 +145,7 @@ __all__ = [
     "Imposed",
     "InMemory",
     "JointState",
+    "Lasts",
     "Law",
     "MonotonicClock",
     "Pair",
@@ -138,12 +155,16 @@ __all__ = [
     "RowSource",
     "ScanProgress",
     "Setting",
+    "SettingRefusedError",
+    "SettingsDifferError",
+    "Settled",
     "Simulator",
     "SimulatorPlugin",
     "Steps",
     "Survey",
     "TautwaveError",
     "Verdict",
+    "refuse_differences",
     "seen_law",
 ]
 

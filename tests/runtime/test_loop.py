@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from tautwave.contracts import READ_SHARE
-from tautwave.errors import BusTimeout, SafetyStop
+from tautwave.errors import BusTimeout, SafetyStop, SettingsDifferError
 from tests.runtime.leaving import ENDING, assert_left_safely
 from tests.runtime.parts import PERIOD_NS, WIDE, Bench, site, swing
 
@@ -61,8 +61,22 @@ def test_the_read_deadline_leaves_time_to_command_in_the_same_slot() -> None:
     assert seen == [PERIOD_NS * k + round(READ_SHARE * PERIOD_NS) for k in range(4)]
 
 
+def test_settings_that_differ_on_several_buses_are_one_list() -> None:
+    """Else each bus takes a refused run of its own."""
+    differ = {name: SettingsDifferError((name,), (f"{name}: mode 3 -> 0",)) for name in BUSES}
+    for buses in (("hand",), ("arm",), BUSES):
+        bench = Bench(**{name: {"fails": {("open", 0): differ[name]}} for name in buses})  # type: ignore[arg-type]
+        error = bench.loop.run().error
+        assert isinstance(error, SettingsDifferError)
+        assert error.buses == buses
+        assert error.differences == tuple(f"{name}: mode 3 -> 0" for name in buses)
+        assert ("arm", "open") in bench.log
+        assert "enable_step" not in [method for _, method in bench.log]
+
+
 # -- ways out ------------------------------------------------------------------------------------
 
+BUSES = ("hand", "arm")
 METHODS = ("open", "enable_step", "request", "read", "write", "faults", "disable", "close")
 
 

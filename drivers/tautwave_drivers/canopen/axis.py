@@ -49,7 +49,7 @@ class Axis:
         TPDOs are missing, and the next may belong to an older SYNC.
     late, short, lost : int
         TPDOs for an older SYNC, with too few bytes, or missing; `lost_then` a second ago or less.
-    borrowed : dict of Entry to int
+    loans : dict of Entry to int
         What was found in objects that are changed while the bus is open: 6072h, watchdogs.
     unwatched : str
         What the drive does when this program stops, where no watchdog of it acts.
@@ -59,7 +59,7 @@ class Axis:
         self.spec = spec
         self.node = node
         self.label = f"{spec.name} (node {node.id})"
-        self.borrowed: dict[Entry, int] = {}
+        self.loans: dict[Entry, int] = {}
         self.scale = scale(node, spec)
         self.servo = spec.causality == "admittance"
         self.mode = Mode.CSV if self.servo else Mode.CST

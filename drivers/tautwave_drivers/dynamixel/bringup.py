@@ -8,11 +8,12 @@ series, "Operating Mode(11)", "Return Delay Time(9)", "Status Return Level(68)",
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 from tautwave.contracts import BusSpec
+from tautwave.device_settings import DeviceSetting, DeviceSettings, Lasts, refuse_differences
 from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.dynamixel.line.transactions import Line
 from tautwave_drivers.dynamixel.options import LAST_ID, DynamixelOptions, Servo
@@ -53,17 +54,20 @@ class Bringup:
         The bus' options.
     bus : BusSpec
         What is allowed.
+    notes : list of str
+        Takes what was found and set.
     """
 
-    def __init__(self, line: Line, options: DynamixelOptions, bus: BusSpec) -> None:
+    def __init__(
+        self, line: Line, options: DynamixelOptions, bus: BusSpec, notes: list[str]
+    ) -> None:
         self._line = line
         self._options = options
         self._bus = bus
-        self._changes: list[str] = []
-        self._set: defaultdict[int, dict[Register, int]] = defaultdict(dict)
+        self._settings: dict[int, DeviceSettings] = {}
         self.unwatched: dict[str, str] = {}
         self.watchdog_s: dict[str, float] = {}
-        self.notes: list[str] = []
+        self.notes = notes
         self.identities: dict[str, dict[str, str]] = {}
 
     def run(self, servos: Sequence[Servo], scales: Sequence[Scale]) -> list[Limits]:
@@ -74,20 +78,16 @@ class Bringup:
         DeviceFault
             A servo reports a hardware error.
         DriverError
-            A servo is missing, is not the expected model, or needs --configure.
+            A servo is missing or not the expected model, or lasting settings differ.
         """
+        self._settings = {servo.options.id: self._settings_of(servo) for servo in servos}
         for servo in servos:
             self._identify(servo)
         for servo in servos:
             self._put(servo, reg.TORQUE_ENABLE, 0)
         for servo in servos:
             self._lasting(servo)
-        if self._changes:
-            listed = "".join(f"\n  {change}" for change in self._changes)
-            raise DriverError(
-                f"bus {self._bus.name}: lasting settings differ:{listed}\n"
-                "--configure, once, writes them into the servos"
-            )
+        refuse_differences(self._bus, self._settings.values())
         return [self._prepare(*pair) for pair in zip(servos, scales, strict=True)]
 
     # -- one servo ------------------------------------------------------------------------
@@ -209,19 +209,8 @@ class Bringup:
             )
 
     def _keep(self, servo: Servo, register: Register, wanted: int, why: str = "") -> None:
-        found = self._get(servo, register)
-        if found == wanted:
-            return
-        change = (
-            f"{self._where(servo)}: {register.name}({register.address}) "
-            f"{_shown(register, found)} -> {_shown(register, wanted)}"
-            + (f" ({why})" if why else "")
-        )
-        if not self._bus.configure:
-            self._changes.append(change)
-            return
-        self._put(servo, register, wanted)
-        self.notes.append(f"{change} written")
+        """Compare a lasting register; write it where that is allowed."""
+        self._settings[servo.options.id].keep(_setting(register, wanted, why))
 
     def _prepare(self, servo: Servo, scale: Scale) -> Limits:
         """Set the RAM; return the largest goals."""
@@ -293,13 +282,11 @@ class Bringup:
             One has forgotten.
         """
         for servo in servos:
-            for register, value in self._set[servo.options.id].items():
-                found = self._get(servo, register)
-                if found != value:
-                    raise DeviceFault(
-                        f"{self._where(servo)}: {register.name}({register.address}) reads {found} "
-                        f"instead of {value}: {AGAIN}"
-                    )
+            for setting, found in self._settings[servo.options.id].forgotten():
+                raise DeviceFault(
+                    f"{self._where(servo)}: {setting.name} reads {found} instead of "
+                    f"{setting.wanted}: {AGAIN}"
+                )
 
     def arm(self, servo: Servo) -> None:
         """Write the bus watchdog and read it back; it runs once torque is on."""
@@ -360,23 +347,25 @@ class Bringup:
 
     def _put(self, servo: Servo, register: Register, value: int) -> None:
         """Write a register and read it back."""
-        device_id = servo.options.id
-        data = register.encode(value)
+        self._settings[servo.options.id].put(_setting(register, value))
+
+    def _write(self, servo: Servo, register: Register, value: int) -> None:
         # No response is not yet a failure: below status return level 2 writes have none.
-        response = self._line.write(device_id, register.address, data)
+        response = self._line.write(servo.options.id, register.address, register.encode(value))
         if response is not None and response.number:
             raise DriverError(
                 f"{self._where(servo)}: {register.name}({register.address}) rejects "
                 f"{value}: {status_text(response.error)}"
             )
-        found = self._get(servo, register)
-        if found != value:
-            raise DriverError(
-                f"{self._where(servo)}: {register.name}({register.address}) reads {found} after "
-                f"{value} was written; is another program on the line?"
-            )
-        if not register.eeprom:
-            self._set[device_id][register] = value
+
+    def _settings_of(self, servo: Servo) -> DeviceSettings:
+        return DeviceSettings(
+            self._where(servo),
+            partial(self._get, servo),
+            partial(self._write, servo),
+            configure=self._bus.configure,
+            notes=self.notes,
+        )
 
     def _where(self, servo: Servo) -> str:
         return f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id})"
@@ -385,6 +374,13 @@ class Bringup:
 def watchdog_units(options: DynamixelOptions) -> int:
     """Return the bus watchdog of an options block, in steps of the register."""
     return max(1, math.ceil(options.watchdog_s / reg.WATCHDOG_UNIT_S - 1e-9))
+
+
+def _setting(register: Register, wanted: int, why: str = "") -> DeviceSetting:
+    """Return what a register has to hold."""
+    name = f"{register.name}({register.address})"
+    lasts = Lasts.WRITTEN if register.eeprom else Lasts.POWER
+    return DeviceSetting(register, name, wanted, lasts, why, show=partial(_shown, register))
 
 
 def _shown(register: Register, value: int) -> str:

@@ -113,8 +113,7 @@ class DynamixelDriver:
                 from tautwave_drivers.dynamixel.line.sdk import SdkLine
 
                 slow = SdkLine(port, self._clock, self._options.baud, self._options.latency_s)
-            bringup = Bringup(slow, self._options, self._bus)
-            bringup.notes = self.notes
+            bringup = Bringup(slow, self._options, self._bus, self.notes)
             self._limits = bringup.run(self._servos, self._scales)
             self.identities = bringup.identities
             units = watchdog_units(self._options)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 
 from tautwave.contracts import BusSpec, Clock
+from tautwave.device_settings import DeviceSetting, DeviceSettings, Lasts
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave_drivers.modbus.line.client import Client
 from tautwave_drivers.modbus.options import ModbusOptions
@@ -18,6 +19,7 @@ from tautwave_drivers.modbus.protocol import frames
 from tautwave_drivers.modbus.sequence import Steps, refusal
 from tautwave_drivers.modbus.station import Station
 
+ALL_BITS = 0xFFFFFFFF
 PERIODS = 3
 """Bus periods that a comm-loss timeout has to allow at least."""
 
@@ -37,10 +39,18 @@ class Bringup:
         What is allowed.
     clock : Clock
         What waits.
+    notes : list of str
+        Takes what was found and set.
     """
 
     def __init__(
-        self, station: Station, client: Client, options: ModbusOptions, bus: BusSpec, clock: Clock
+        self,
+        station: Station,
+        client: Client,
+        options: ModbusOptions,
+        bus: BusSpec,
+        clock: Clock,
+        notes: list[str],
     ) -> None:
         self._station = station
         self._device = station.device
@@ -51,21 +61,29 @@ class Bringup:
         self._clock = clock
         self._where = f"{station.label} on bus {bus.name}"
         self._volatile = False
-        self._changes: list[str] = []
-        self._set: dict[str, int] = {}
-        self.notes: list[str] = []
+        self.notes = notes
+        self.settings = DeviceSettings(
+            self._where,
+            self._get,
+            self._write,
+            configure=bus.configure,
+            doubt="is another master on the line?",
+            notes=notes,
+        )
         self.unwatched = ""
         self.identity: dict[str, str] = {}
 
     def run(self) -> None:
         """Check and set everything; the drive is without torque all the time.
 
+        Lasting settings that differ are in `settings.differences`.
+
         Raises
         ------
         DeviceFault
             It has a fault that a reset does not clear, or refuses.
         DriverError
-            It does not answer, is not the expected drive, or needs --configure.
+            It does not answer, or is not the expected drive.
         """
         self._identify()
         profile = self._profile
@@ -77,12 +95,6 @@ class Bringup:
         for setting in profile.expected:
             self._expect(setting)
         self._set_up()
-        if self._changes:
-            listed = "".join(f"\n  {change}" for change in self._changes)
-            raise DriverError(
-                f"{self._where}: lasting settings differ:{listed}\n"
-                "--configure, once, writes them into the drive"
-            )
         self._watchdog()
         self._put_zero()
         own = {role for role in profile.roles if role.startswith(("command", "control"))}
@@ -90,9 +102,9 @@ class Bringup:
         if profile.comm_loss is not None:
             left_out.add(profile.comm_loss.register_name)
         self._station.checks = tuple(
-            Step(wait=name, value=value)
-            for name, value in self._set.items()
-            if name not in left_out
+            Step(wait=one.name, value=one.wanted)
+            for one in self.settings.held.values()
+            if one.name not in left_out
         )
         self.notes += [f"{self._where}: {caveat}" for caveat in profile.caveats]
 
@@ -198,19 +210,18 @@ class Bringup:
                 return step * register.scale / like.scale
         return 0.0
 
-    def _keep(self, name: str, wanted: int, why: str, mask: int = 0xFFFFFFFF) -> None:
+    def _keep(self, name: str, wanted: int, why: str, mask: int = ALL_BITS) -> None:
         """Set a register where it differs; a lasting one only if that is allowed."""
-        found = self._get(name)
-        if found & mask == wanted & mask:
-            return
-        wanted = found & ~mask & 0xFFFFFFFF | wanted & mask if mask != 0xFFFFFFFF else wanted
-        change = f"{name} {found} -> {wanted}" + (f" ({why})" if why else "")
-        lasting = self._profile.registers[name].lasting and not self._volatile
-        if lasting and not self._bus.configure:
-            self._changes.append(change)
-            return
-        self._put(name, wanted)
-        self.notes.append(f"{self._where}: {change} written and read back")
+        self.settings.keep(self._setting(name, wanted, why, mask))
+
+    def _setting(
+        self, name: str, wanted: int, why: str = "", mask: int = ALL_BITS
+    ) -> DeviceSetting:
+        register = self._profile.registers[name]
+        lasts = Lasts.WRITTEN if register.lasting and not self._volatile else Lasts.POWER
+        mask = -1 if mask == ALL_BITS else mask  # of negative values too
+        readable = "r" in register.access
+        return DeviceSetting(name, name, wanted, lasts, why, mask, readable=readable)
 
     def _expect(self, setting: Setting) -> None:
         found = self._get(setting.register_name)
@@ -247,11 +258,8 @@ class Bringup:
         units = round(self._profile.timeout_s(seconds) / register.scale)
         if register.lasting and not self._volatile:
             self._keep(name, units, "comm-loss timeout")
-            if self._changes:
-                raise DriverError(
-                    f"{self._where}: lasting settings differ:\n  {self._changes[0]}\n"
-                    "--configure, once, writes it into the drive"
-                )
+            if self.settings.differences:
+                return
         else:
             self._put(name, units)
             self._put(name, comm_loss.off)  # no requests reach it while others are brought up
@@ -279,17 +287,9 @@ class Bringup:
 
     def _put(self, name: str, value: int) -> None:
         """Write a register and read it back."""
-        codec = self._station.codec
-        pdu = self._client.request(self._station, codec.write(name, value))
+        self.settings.put(self._setting(name, value))
+
+    def _write(self, name: str, value: int) -> None:
+        pdu = self._client.request(self._station, self._station.codec.write(name, value))
         if pdu[0] & frames.REFUSED:
             raise DriverError(f"{self._where}: {name} does not take {value}: {refusal(pdu)}")
-        if "r" not in self._profile.registers[name].access:
-            return
-        found = self._get(name)
-        if found != value:
-            raise DriverError(
-                f"{self._where}: {name} reads {found} after {value} was written; is another "
-                "master on the line?"
-            )
-        if self._volatile or not self._profile.registers[name].lasting:
-            self._set[name] = value

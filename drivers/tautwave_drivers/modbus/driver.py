@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.contracts import READ_SHARE, BusSpec, Clock, Row
+from tautwave.device_settings import DeviceSettings, refuse_differences
 from tautwave.errors import BusBudgetError, BusTimeout, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.modbus.budget import rounds
@@ -104,7 +105,7 @@ class ModbusDriver:
         Raises
         ------
         DriverError
-            A drive cannot be reached, or is not what the rig expects.
+            A drive cannot be reached, is not what the rig expects, or lasting settings differ.
         BusBudgetError
             TCP drives answer too slowly for the rate.
         """
@@ -113,6 +114,7 @@ class ModbusDriver:
         self.close()
         self.notes = []
         unwatched: dict[str, str] = {}
+        settings: list[DeviceSettings] = []
         self._faults.clear()
         links = self._links = self._make_links()
         try:
@@ -123,15 +125,18 @@ class ModbusDriver:
                     until = self._clock.now_ns() + round(1e9 * self._timeout_s)
                     check_echo(link, self._clock, stations[0], until, told=self._options.echo)
                 for station in stations:
-                    bringup = Bringup(station, client, self._options, self._bus, self._clock)
-                    bringup.notes = self.notes
+                    bringup = Bringup(
+                        station, client, self._options, self._bus, self._clock, self.notes
+                    )
                     bringup.run()
+                    settings.append(bringup.settings)
                     name = station.device.axis.name
                     self.identities[name] = bringup.identity
                     if bringup.unwatched:
                         unwatched[name] = bringup.unwatched
                     # It has confirmed that it is off.
                     self.unconfirmed.pop(name, None)
+            refuse_differences(self._bus, settings)
             links.gather()
             self._try_exchange(links)
             self._enabling = self._new_enabling(links)

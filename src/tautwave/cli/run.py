@@ -43,7 +43,7 @@ from tautwave.runtime.interrupts import interrupts
 @site_option
 @click.option("--allow-uncertified", is_flag=True, help="Run a rig that is not certified.")
 @click.option("--allow-unwatched", is_flag=True, help="Run devices without a watchdog.")
-@click.option("--configure", is_flag=True, help="Write settings to devices if they differ.")
+@click.option("--configure", is_flag=True, help="Write lasting settings that differ into devices.")
 @simulate_option
 @click.option(
     "--attach",

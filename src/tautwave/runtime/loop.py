@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.controller.stops import StopPlace
-from tautwave.errors import BusTimeout, TautwaveError
+from tautwave.errors import BusTimeout, SettingsDifferError, TautwaveError
 from tautwave.runtime.control import Control
 from tautwave.runtime.sensing import LoopBus, Sensing, bus_commands, first_axes
 from tautwave.runtime.timing import Histogram
@@ -164,11 +164,20 @@ class Loop:
         )
 
     def _open(self) -> None:
-        """Open every bus, unless a stop is requested."""
+        """Open every bus, unless a stop is requested; settings that differ are those of all."""
+        differ: list[SettingsDifferError] = []
         for bus in self._buses:
             if self._stop_asked:
                 raise KeyboardInterrupt
-            bus.driver.open()
+            try:
+                bus.driver.open()
+            except SettingsDifferError as err:
+                differ.append(err)
+        if differ:
+            raise SettingsDifferError(
+                [name for one in differ for name in one.buses],
+                [text for one in differ for text in one.differences],
+            )
         if self._opened is not None:
             self._opened()
 

@@ -143,7 +143,7 @@ def test_1006_follows_the_period_of_the_rig_only_where_it_is_in_use() -> None:
         objects = rig.devices()[0].objects
         objects.set(0x1006, 0, before)
         rig.driver.open()
-        said = [note for note in rig.driver.notes if "1006" in note]
+        said = [note for note in rig.driver.notes if "1006:00 SYNC" in note]
         assert objects.number(0x1006) == after
         text = "master.a1 (node 1): 1006:00 SYNC period = 2500 us (was 2000 us), read back"
         assert said == [text] * (before > 0)
@@ -190,6 +190,8 @@ def test_lasting_settings_are_stored_only_when_asked_for() -> None:
         rig.driver.open()
         stored = any("settings stored (1010:01)" in note for note in rig.driver.notes)
         assert stored == configure
+        text = "master.a1 (node 1): set until its power is off: 1017:00, 6007:00, "
+        assert stored != any(note.startswith(text) for note in rig.driver.notes)
         written = [
             data for _, can_id, data in rig.sent if can_id == 0x601 and data[1:3] == b"\x10\x10"
         ]

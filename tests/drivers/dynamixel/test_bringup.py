@@ -91,11 +91,11 @@ def test_configure_writes_what_differs_and_tells() -> None:
     changed = [at for at in range(EEPROM_END) if before[at] != after[at]]
     assert changed == [9, 11, 38, 39]
     assert made.peek(0, "Current Limit") == 500
-    assert sum(note.endswith(" written") for note in made.driver.notes) == 3
+    assert sum(note.endswith(" written and read back") for note in made.driver.notes) == 3
     # Nothing is left to write the next time.
     made.driver.close()
     made.driver.open()
-    assert not any(note.endswith(" written") for note in made.driver.notes)
+    assert not any(note.endswith(" written and read back") for note in made.driver.notes)
 
 
 def test_another_model_is_refused() -> None:

@@ -111,8 +111,11 @@ def test_lasting_writes_need_configure(tmp_path: Any) -> None:
     profile = changed_profile(tmp_path, without_switch)
     mine = device(1, counts_per_revolution=65536) | {"profile": profile}
     reported = refusal(bench(devices=[mine]))
-    assert "lasting settings differ:\n  mode 0 -> 2" in reported
-    assert "--configure, once, writes" in reported
+    first, mode, _, timeout, last = reported.splitlines()
+    assert first == "bus arm: lasting settings differ:"
+    assert mode.endswith(" on bus arm: mode 0 -> 2 (the mode that the axis needs)")
+    assert timeout.endswith(": comm_timeout 0 -> 100 (comm-loss timeout)")
+    assert last == "--configure, once, writes them into the devices"
     made = bench(devices=[mine], bus={"configure": True})
     made.driver.open()
     assert made.number(1, "mode") == 2
@@ -126,8 +129,20 @@ def test_lasting_writes_need_configure(tmp_path: Any) -> None:
 def test_a_lasting_timeout_alone_needs_configure_as_well(tmp_path: Any) -> None:
     mine = device(1) | {"profile": changed_profile(tmp_path, without_switch)}
     made = bench(devices=[mine], **quirks(registers={"mode": 2, "torque_limit": 1000}))
-    assert "lasting settings differ:\n  comm_timeout 0 -> 100 (comm-loss" in refusal(made)
+    _, only, _ = refusal(made).splitlines()
+    assert only.endswith(": comm_timeout 0 -> 100 (comm-loss timeout)")
     assert made.number(1, "comm_timeout") == 0
+
+
+def test_what_differs_in_all_drives_is_listed_at_once(tmp_path: Any) -> None:
+    mine = changed_profile(tmp_path, without_switch)
+    given = [device(unit) | {"profile": mine} for unit in (1, 2)]
+    made = bench(spec(1), spec(2), devices=given)
+    listed = refusal(made).splitlines()[1:-1]
+    assert [(line.split()[2], line.split(": ")[1].split()[0]) for line in listed] == [
+        (f"{unit})", name) for unit in "12" for name in ("mode", "torque_limit", "comm_timeout")
+    ], listed
+    assert [made.number(unit, "mode") for unit in (1, 2)] == [0, 0]
 
 
 def without_reset(data: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from tautwave.contracts import Clock, FramePort
+from tautwave.device_settings import DeviceSettings, SettingRefusedError
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave_drivers.canopen.files.reading import Setting
 from tautwave_drivers.cia402 import communication, objects
@@ -48,7 +49,7 @@ Hear = Callable[[int, bytes, int], object]
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 
-class AbortError(DeviceFault):
+class AbortError(SettingRefusedError):
     """A drive refused an object; `code` is the SDO abort code."""
 
     def __init__(self, message: str, code: int) -> None:
@@ -140,9 +141,9 @@ class PolledNetwork(canopen.Network):
                 return enough()
         return True
 
-    def remote(self, node_id: int, name: str) -> RemoteDrive:
-        """Return the drive `node_id`, called `name` in messages."""
-        drive = self.drives[node_id] = RemoteDrive(self, node_id, name, self._timeout_s)
+    def remote(self, node_id: int, name: str, loans: dict[Entry, int] | None = None) -> RemoteDrive:
+        """Return the drive `node_id`, called `name` in messages, and owed `loans`."""
+        drive = self.drives[node_id] = RemoteDrive(self, node_id, name, self._timeout_s, loans)
         return drive
 
 
@@ -166,15 +167,19 @@ def built_in_dictionary() -> canopen.ObjectDictionary:
 
 
 class RemoteDrive:
-    """One drive's objects over SDO, with a message for what it refuses.
+    """One drive's objects over SDO, with a message for what it refuses."""
 
-    `changed` holds the addresses of the lasting settings that were changed.
-    """
-
-    def __init__(self, net: PolledNetwork, node_id: int, name: str, timeout_s: float) -> None:
+    def __init__(
+        self,
+        net: PolledNetwork,
+        node_id: int,
+        name: str,
+        timeout_s: float,
+        loans: dict[Entry, int] | None = None,
+    ) -> None:
         self.node_id = node_id
         self.name = name
-        self.changed: list[str] = []
+        self.settings = DeviceSettings(name, self.number, self.write, loans=loans)
         self._net = net
         self._node = net.add_node(canopen.RemoteNode(node_id, built_in_dictionary()))
         client = self._node.sdo
@@ -257,7 +262,7 @@ class RemoteDrive:
                 f"{self.name} reads 0x{found[::-1].hex()} at {entry.address} {entry.name} after "
                 f"{written} was written"
             )
-        self.changed.append(entry.address)
+        self.settings.changed.append(entry)
         return True
 
     def _upload(self, entry: Entry) -> bytes:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tautwave.contracts import BusSpec, Clock, FramePort
+from tautwave.device_settings import Lasts
 from tautwave.errors import BusTimeout, ConfigError, DeviceFault, DriverError
 from tautwave_drivers.canopen.axis import Axis, ResponseTime
 from tautwave_drivers.canopen.bus.network import PolledNetwork, RemoteDrive
@@ -27,8 +28,8 @@ from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
 from tautwave_drivers.canopen.setup.settings import (
     check_identity,
     check_sync,
-    give_back,
     limit_torque,
+    not_stored,
     require,
     set_period,
     set_watchdogs,
@@ -80,7 +81,7 @@ def bring_up(
         check_files(files_of([(axis.spec, axis.node) for axis in axes]))
     except ConfigError as err:  # it has changed since the rig was read
         raise DriverError(f"bus {bus.name}: {'; '.join(err.problems)}") from err
-    drives = [net.remote(axis.node.id, axis.label) for axis in axes]
+    drives = [net.remote(axis.node.id, axis.label, axis.loans) for axis in axes]
     notes: list[str] = []
     try:
         for drive, axis in zip(drives, axes, strict=True):
@@ -92,8 +93,8 @@ def bring_up(
         if options.sync:
             notes += _measure_response_times(net, axes, arrivals, options, bus, clock)
     except BaseException:  # a start that is refused, or ended by Ctrl-C, leaves nothing behind
-        for drive, axis in zip(drives, axes, strict=True):
-            give_back(drive, axis)
+        for drive in drives:
+            drive.settings.give_back()
         raise
     return net, notes
 
@@ -115,10 +116,9 @@ def prepare(
     for target in ZEROED:
         if drive.find(target):
             remedy = "a leftover target would act as soon as the drive is enabled"
-            require(drive, target, 0, remedy, lasting=False)
+            require(drive, target, 0, remedy, Lasts.POWER)
     drive.write(o.MODE, axis.mode)
-    if bus.configure:
-        notes += store(drive, axis)
+    notes += store(drive) if bus.configure else not_stored(drive)
     return [text for text in notes if text]
 
 
@@ -291,7 +291,7 @@ def shut_down(net: PolledNetwork, axes: Sequence[Axis], bus: BusSpec) -> dict[st
         except DriverError as err:
             doubtful[axis.spec.name] = str(err)
             continue
-        give_back(drive, axis)
+        drive.settings.give_back()
         drive.nmt(NMT_PRE_OPERATIONAL)
     end = net.clock.now_ns() + bus.period_ns
     while net.pump(end):

@@ -89,7 +89,7 @@ def _map(
         _compare(drive, pdo.mapped_count, len(layout.entries))
         for number, entry in enumerate(layout.entries, 1):
             _compare(drive, pdo.mapped(number), entry.mapping)
-        drive.changed.append(pdo.mapped_count.address)
+        drive.settings.changed.append(pdo.mapped_count)
         return layout, f"written and read back{less}"
     tried = "; nor as ".join(layout.text() for layout in layouts)
     has = ", ".join(f"{word:08X}" for word in held) or "nothing"
@@ -152,7 +152,7 @@ def silence_others(drive: RemoteDrive, used: Collection[int], named: Collection[
                 continue
             _compare(drive, entry, COB_ID_INVALID, mask=COB_ID_INVALID)
             off.append(f"{name}{number}")
-            drive.changed.append(entry.address)
+            drive.settings.changed.append(entry)
     if drive.clock.now_ns() > end:
         notes.append(
             f"{drive.name} took {PROBING_NS * 1e-9:g} s to list its PDOs: not all were looked at"

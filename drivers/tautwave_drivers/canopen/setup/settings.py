@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from tautwave.contracts import BusSpec
-from tautwave.errors import DeviceFault, DriverError
+from tautwave.device_settings import DeviceSetting, Lasts, Settled
+from tautwave.errors import DeviceFault
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.bus.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.options import CanopenOptions
@@ -22,83 +25,83 @@ _PRODUCER = 1 << 30
 
 
 class Outcome(NamedTuple):
-    """Result of a setting: the value in the drive now and before (None: no object), and a note."""
+    """Result of a setting: the value in the drive now (None: no object), and a note."""
 
     value: int | None
     text: str
-    before: int | None = None
 
 
-def settle(drive: RemoteDrive, entry: Entry, wanted: int, *, lasting: bool = True) -> Outcome:
+def settle(
+    drive: RemoteDrive,
+    entry: Entry,
+    wanted: int,
+    lasts: Lasts = Lasts.STORED,
+    idle: int | None = None,
+) -> Outcome:
     """Set an object to `wanted`; return its value afterwards, and why if it is another.
 
-    A `lasting` change is one that `--configure` stores.
+    A loan is given back when the bus is closed; `idle` where the drive holds it already, from a
+    run that was killed.
     """
-    try:
-        before = drive.number(entry)
-    except AbortError as err:
-        words = abort_text(err.code).split(";")[0]
-        return Outcome(None, f"{drive.name} has no {entry.address} {entry.name} ({words})")
-    what = f"{drive.name}: {entry.address} {entry.name}"
-    if before == wanted:
-        return Outcome(wanted, f"{what} = {_shown(entry, wanted)}, already set", before)
-    try:
-        drive.write(entry, wanted)
-    except AbortError as err:
-        return Outcome(before, f"{what} stays {_shown(entry, before)}: {err}", before)
-    after = drive.number(entry)
-    if lasting and after != before:
-        drive.changed.append(entry.address)
+    what = f"{entry.address} {entry.name}"
+    show = partial(_shown, entry)
+    found = drive.settings.settle(DeviceSetting(entry, what, wanted, lasts, idle=idle, show=show))
+    return Outcome(found.after, _text(drive, what, wanted, found, show))
+
+
+def _text(
+    drive: RemoteDrive, what: str, wanted: int, found: Settled, show: Callable[[int], str]
+) -> str:
+    """Return what came of a setting as a sentence."""
+    before, after, refusal = found
+    if before is None or after is None:
+        words = abort_text(refusal.code).split(";")[0] if isinstance(refusal, AbortError) else ""
+        return f"{drive.name} has no {what} ({words})"
+    text = f"{drive.name}: {what} "
+    if refusal is not None:
+        return f"{text}stays {show(before)}: {refusal}"
     if after != wanted:
-        reported = f"{_shown(entry, after)} after {_shown(entry, wanted)} was written"
-        return Outcome(after, f"{what} is {reported}", before)
-    reported = f"{_shown(entry, wanted)} (was {_shown(entry, before)})"
-    return Outcome(wanted, f"{what} = {reported}, read back", before)
+        return f"{text}is {show(after)} after {show(wanted)} was written"
+    if before == wanted:
+        return f"{text}= {show(wanted)}, already set"
+    return f"{text}= {show(wanted)} (was {show(before)}), read back"
 
 
-def borrow(
-    drive: RemoteDrive, axis: Axis, entry: Entry, wanted: int, idle: int | None = None
-) -> Outcome:
-    """As `settle`, for as long as the bus is open: `give_back` sets what was found.
-
-    `idle` is given back where the drive holds `wanted` already, from a run that was killed.
-    """
-    found = settle(drive, entry, wanted, lasting=False)
-    before = idle if found.before == wanted and idle is not None else found.before
-    if before is not None and before != wanted:
-        axis.borrowed.setdefault(entry, before)
-    return found
-
-
-def give_back(drive: RemoteDrive, axis: Axis) -> None:
-    """Set what was borrowed to what was found, as far as the drive responds."""
-    for entry, value in axis.borrowed.items():
-        try:
-            settle(drive, entry, value, lasting=False)
-        except DriverError:
-            return
-
-
-def store(drive: RemoteDrive, axis: Axis) -> list[str]:
-    """Store the lasting settings in the drive, and nothing that is borrowed.
+def store(drive: RemoteDrive) -> list[str]:
+    """Store the lasting settings in the drive, and no loan.
 
     Raises
     ------
     DriverError
-        Something borrowed could not be set again afterwards.
+        A loan could not be set again afterwards.
     """
-    if not drive.changed:
+    if not drive.settings.changed:
         return [f"{drive.name}: nothing changed, nothing stored"]
-    held = {entry: drive.number(entry) for entry in axis.borrowed}
-    give_back(drive, axis)
-    try:
-        drive.write(c.STORE_ALL, c.SAVE)
-        text = f": settings stored (1010:01): {', '.join(drive.changed)}"
-    except AbortError as err:
-        text = f" does not store its settings: {err}"
-    for entry, value in held.items():
-        require(drive, entry, value, "it was set before its settings were stored", lasting=False)
-    return [f"{drive.name}{text}"]
+    notes = []
+
+    def save() -> None:
+        try:
+            drive.write(c.STORE_ALL, c.SAVE)
+            notes.append(f"{drive.name}: settings stored (1010:01): {_changed(drive)}")
+        except AbortError as err:
+            notes.append(f"{drive.name} does not store its settings: {err}")
+
+    drive.settings.without_loans(save)
+    return notes
+
+
+def not_stored(drive: RemoteDrive) -> list[str]:
+    """Return what was set that the drive forgets, and what stores it."""
+    if not drive.settings.changed:
+        return []
+    return [
+        f"{drive.name}: set until its power is off: {_changed(drive)}; to store them, switch it "
+        "off and on, and run once with --configure"
+    ]
+
+
+def _changed(drive: RemoteDrive) -> str:
+    return ", ".join(entry.address for entry in drive.settings.changed)
 
 
 def _shown(entry: Entry, value: int) -> str:
@@ -110,7 +113,7 @@ def _shown(entry: Entry, value: int) -> str:
 
 
 def require(
-    drive: RemoteDrive, entry: Entry, wanted: int, remedy: str, *, lasting: bool = True
+    drive: RemoteDrive, entry: Entry, wanted: int, remedy: str, lasts: Lasts = Lasts.STORED
 ) -> Outcome:
     """As `settle`, but a drive that has the object has to hold what is wanted.
 
@@ -119,7 +122,7 @@ def require(
     DeviceFault
         It holds something else.
     """
-    found = settle(drive, entry, wanted, lasting=lasting)
+    found = settle(drive, entry, wanted, lasts)
     if found.value is not None and found.value != wanted:
         raise DeviceFault(f"{found.text}; {remedy}")
     return found
@@ -241,7 +244,7 @@ def limit_torque(drive: RemoteDrive, axis: Axis) -> list[str]:
     """Lower 6072h to the rig's effort_limit until the bus is closed."""
     if axis.servo or drive.find(o.MAX_TORQUE) is None:
         return []
-    return [borrow(drive, axis, o.MAX_TORQUE, wanted_torque(axis)).text]
+    return [settle(drive, o.MAX_TORQUE, wanted_torque(axis), Lasts.LOAN).text]
 
 
 def set_watchdogs(
@@ -259,8 +262,8 @@ def set_watchdogs(
     produced = settle(drive, c.PRODUCER_HEARTBEAT, options.heartbeat_ms)
     axis.watched = bool(produced.value)
     consumer = options.master_id << 16 | options.heartbeat_timeout_ms
-    heartbeat = borrow(drive, axis, c.CONSUMER_HEARTBEAT, consumer, idle=0)
-    deadline = borrow(drive, axis, c.rpdo(1).timer, options.heartbeat_timeout_ms, idle=0)
+    heartbeat = settle(drive, c.CONSUMER_HEARTBEAT, consumer, Lasts.LOAN, 0)
+    deadline = settle(drive, c.rpdo(1).timer, options.heartbeat_timeout_ms, Lasts.LOAN, 0)
     reaction = settle(drive, o.ABORT_CONNECTION, options.abort_connection_option)
     quick = settle(drive, o.QUICK_STOP_OPTION, options.quick_stop_option)
     axis.machine = axis.new_machine(quick.value)
