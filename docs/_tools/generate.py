@@ -8,10 +8,11 @@ from _tools.columns import columns_page
 from _tools.commands import commands_page, exit_codes_page
 from _tools.keys import keys_page
 from _tools.stops import stops_page
+from _tools.summary import summary_page
 
 
 def write_pages(folder: Path) -> None:
-    """Write keys, commands, columns, exit codes and stops as Markdown into `folder`."""
+    """Write keys, commands, columns, codes, stops and the summary as Markdown into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     pages = {
         "keys.md": keys_page,
@@ -19,6 +20,7 @@ def write_pages(folder: Path) -> None:
         "columns.md": columns_page,
         "exit-codes.md": exit_codes_page,
         "stops.md": stops_page,
+        "summary.md": summary_page,
     }
     for name, page in pages.items():
         path, text = folder / name, page()

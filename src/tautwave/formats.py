@@ -1,6 +1,6 @@
 """Format versions of the files that outlive a run.
 
-A recording without a version is of version 1, a rig file of the newest.
+A recording or a summary without a version is of version 1, a rig file of the newest.
 
 Raise a version when the meaning of a file's content changes, or when the previous reader cannot
 read it; a new key with a default does not need it. Keep reading older versions, or say here what to
@@ -8,6 +8,8 @@ do with them.
 """
 
 from __future__ import annotations
+
+from typing import Final
 
 RIG = 2
 """Rig files, `rig.yaml` of a run among them: key `format`.
@@ -19,6 +21,14 @@ RIG = 2
 
 RECORDING = 1
 """`recording.mcap`: key `format` of the metadata `tautwave`."""
+
+
+SUMMARY: Final = 2
+"""`summary.json` of a run: key `format`, 1 where there is none.
+
+2: what was a sentence to be parsed back is an object (unused elements, faults), and every key is
+declared (`tautwave.summary`).
+"""
 
 
 def too_new(kind: str, given: object, known: int) -> str | None:

@@ -34,8 +34,8 @@ SUMMARY: dict[str, Any] = {
     },
     "energy_j": {"gross_flow": 2.5, "residual": 2.5e-14, "generated": 0.0, "sensing_gap": 1e-6},
     "axes": {"master.wrist": {"lost": 0, "late": 0, "faults": []}},
-    "certificate": {"passed": None, "verdicts": []},
-    "left_out": [["wall_master", "the rig has none"]],
+    "certificate": {"passed": None, "verdicts": {}},
+    "left_out": [{"element": "wall_master", "reason": "the rig has none"}],
 }
 
 

@@ -140,7 +140,9 @@ def test_run_says_first_which_way_each_bus_takes(tautwave_cli: Cli, backend: Bac
 
 
 def test_run_shows_the_summary(tautwave_cli: Cli, backend: Backend) -> None:
-    backend.summary["axes"] = {"slave.wrist": {"lost": 4, "late": 1, "faults": ["over-heated"]}}
+    backend.summary["axes"] = {
+        "slave.wrist": {"lost": 4, "late": 1, "faults": [{"text": "over-heated"}]}
+    }
     output = tautwave_cli("run", "rig.yaml", "--out", "there").output
     assert "bench / 1dof: finished, 2000 cycles at 1 kHz, 3 missed, in 80 ms" in output
     for line in (

@@ -20,6 +20,7 @@ from tautwave.cli.terminal.summary import last_line
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session import running
 from tautwave.session.reporting import final_code, lost_rows
+from tautwave.summary.model import Recording
 from tests.commands import PATIENT, child_of, keep_in_one_process, tautwave
 
 pytestmark = [pytest.mark.realtime, pytest.mark.usefixtures("no_bytecode")]
@@ -332,10 +333,10 @@ def test_a_file_that_was_cut_short_behind_our_back_is_exit_code_7(
 
 def test_dropped_rows_and_a_missing_end_are_incomplete() -> None:
     reported = {"error": None, "rows_offered": 10, "rows_written": 10, "rows_dropped": 0}
-    assert lost_rows({"recording": reported}) == ""
-    assert lost_rows({"recording": {**reported, "rows_read": 10, "truncated": False}}) == ""
-    assert "its end is missing" in lost_rows({"recording": {**reported, "truncated": True}})
-    dropped = lost_rows({"recording": {**reported, "rows_dropped": 3}})
+    assert lost_rows(Recording(**reported)) == ""
+    assert lost_rows(Recording(**reported, rows_read=10)) == ""
+    assert "its end is missing" in lost_rows(Recording(**reported, truncated=True))
+    dropped = lost_rows(Recording(**{**reported, "rows_dropped": 3}))
     assert "3 of 10 rows were dropped because the writer fell behind" in dropped
 
 

@@ -26,7 +26,6 @@ from tautwave.cli.terminal import progress_bar
 from tautwave.cli.terminal.live import room
 from tautwave.cli.terminal.progress import Progress
 from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
-from tautwave.cli.terminal.summary import left_out_rows
 from tests.view.served import Run
 
 TABLE = Section(
@@ -242,12 +241,6 @@ def test_ctrl_c_leaves_the_bar_to_the_run(tmp_path: Path) -> None:
         child.communicate(b"0.6\tramping down\n")
         assert child.returncode == 0
     assert "ramping down" in (tmp_path / "err").read_text()
-
-
-def test_what_is_left_out_is_read_in_every_form_that_summaries_had() -> None:
-    forms = [["wall", "the rig has none"], {"element": "wall", "reason": "the rig has none"}]
-    rows = list(left_out_rows([*forms, "wall: the rig has none"]))
-    assert rows == 3 * [("wall", "the rig has none")]
 
 
 @pytest.mark.parametrize(

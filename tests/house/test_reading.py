@@ -47,8 +47,6 @@ ALLOWED = {
     "src/tautwave/bench/sites/suite.py": {"json.loads": 1},  # from its child, over a pipe
     "src/tautwave/session/sites/desk_line.py": {"json.loads": 1},  # the same
     "src/tautwave/sites/desk.py": {"json.load": 1, "json.loads": 1},  # from its parent
-    "src/tautwave/report/run/complete.py": {"json.loads": 1},  # what it wrote itself
-    "src/tautwave/session/reporting.py": {"json.loads": 1},  # summary.json as its child left it
     # Depth is caught there: a recording is read where no rig file is, and stays light.
     "src/tautwave/recordings/recording.py": {"json.loads": 2},
     # A dictionary, not a path, is what a node is made of.

@@ -15,7 +15,10 @@ from tautwave.laws.rest.alignment import AlignParams
 from tautwave.rig import build_rig
 from tautwave.rig.operated.operation import site_pulls
 from tautwave.runtime.control import CoupledControl
-from tautwave.session.sites.agreed import claim_sessions
+from tautwave.session.sites.agreed import with_sessions
+from tautwave.summary import checked
+from tautwave.summary.model import Pair as PairSummary
+from tautwave.summary.model import Site
 from tests.session.sites import RIG, Half, Pair
 
 Make = Callable[..., Pair]
@@ -87,9 +90,9 @@ def test_a_new_session_waits_until_the_slave_is_in_its_place(pair: Make) -> None
     assert second["offsets"] == first["offsets"]  # where both met first
     apart = place_of(two.slave, "slave") - place_of(two.master, "master")
     assert abs(apart - first["offsets"]["lever"]) < 0.01
-    summary = {"link": two.slave.control.summary(), "pairs": {"lever": {"claim_j": {"slave": 1.0}}}}
-    claim_sessions(summary)
-    assert summary["pairs"]["lever"]["claim_j"]["slave"] == pytest.approx(2.0 + granted)
+    site = checked(Site, {"site": "slave", **two.slave.control.summary()})
+    pairs = with_sessions({"lever": PairSummary(claim_j={"slave": 1.0})}, site)
+    assert pairs["lever"].claim_j["slave"] == pytest.approx(2.0 + granted)
 
 
 @SLOW

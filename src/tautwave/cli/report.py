@@ -8,13 +8,30 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import PATH, Number, of_kind, positive, run_argument
+from tautwave.cli.options import PATH, Number, echo_json, of_kind, positive, run_argument
 from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN, TABLE
 
 
+def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
+    if not wanted or ctx.resilient_parsing:
+        return
+    from tautwave.summary import summary_schema
+
+    echo_json(summary_schema())
+    ctx.exit(0)
+
+
 @click.command(short_help="Rebuild the report of a run, or compare two.")
 @run_argument
+@click.option(
+    "--schema",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_schema,
+    help="Print the JSON Schema of summary.json and exit.",
+)
 @click.argument("other", type=PATH, metavar="[DIR2]", required=False, callback=of_kind(RUN))
 @click.option(
     "--out",

@@ -16,6 +16,8 @@ from typing import Any
 from tautwave.config import Rig, render_stiffness, resolved_yaml
 from tautwave.errors import ConfigError, NotCertifiedError, UnchosenKeyError
 from tautwave.rig import BusWay, real_buses
+from tautwave.summary import checked
+from tautwave.summary.model import Certificate
 from tautwave.types import Choice
 
 TIMEOUT_S = 120.0
@@ -98,7 +100,7 @@ def refuse_uncertified(rig: Rig, certificate: dict[str, Any]) -> None:
     raise NotCertifiedError("\n".join(lines))
 
 
-def summary_block(certificate: dict[str, Any], allowed: bool) -> dict[str, Any]:
+def summary_block(certificate: dict[str, Any], allowed: bool) -> Certificate:
     """Return the part of the certificate for the run's summary."""
     kept = {
         key: certificate[key]
@@ -120,4 +122,4 @@ def summary_block(certificate: dict[str, Any], allowed: bool) -> dict[str, Any]:
     }
     kept["loops"] = {loop["pair"]: loop["verdict"] for loop in certificate["loops"]}
     kept["allowed_uncertified"] = allowed and not certificate["passed"]
-    return kept
+    return checked(Certificate, kept)

@@ -54,7 +54,7 @@ class CheckResult(NamedTuple):
         return {
             "rig": self.rig,
             "plan": [item._asdict() for item in self.plan],
-            "left_out": left_out(self.plan),
+            "left_out": [f"{one.element}: {one.reason}" for one in left_out(self.plan)],
             "facts": dict(self.facts),
             "buses": {name: way.as_dict() for name, way in self.ways.items()},
             "claims": {claim.axis: claim.as_dict() for claim in self.claims},

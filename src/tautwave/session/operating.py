@@ -24,6 +24,8 @@ from tautwave.runtime.operate.lead import Lead, Leading, Leads
 from tautwave.runtime.operate.mailbox import Kept
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.runtime.operate.trigger import TriggerLine
+from tautwave.summary import checked
+from tautwave.summary.model import Operation
 
 OFTENER = 4
 """Looks at the live sources where a policy drives, for one where people do."""
@@ -132,15 +134,15 @@ def _leads(assembly: Assembly) -> Leads | None:
     return Leads(leads) if leads else None
 
 
-def operation_block(assembly: Assembly, duration_s: float) -> dict[str, Any]:
-    """Let go of key devices; return the summary's `operation` of an operated rig, else {}."""
+def operation_done(assembly: Assembly, duration_s: float) -> Operation | None:
+    """Let go of key devices; return the summary's `operation` of an operated rig, else None."""
     control = assembly.control
     if not isinstance(control, Journalled):
-        return {}
+        return None
     for one in (*control.inbox.dead_men, *control.lamps):
         if isinstance(one, KeyDevice | TriggerLine):
             one.close()
-    return {"operation": control.journal.summary(duration_s)}
+    return checked(Operation, control.journal.summary(duration_s))
 
 
 def claimed_span(rig: Rig, cycles: int) -> float:

@@ -11,6 +11,7 @@ from tautwave.registry import driver_names
 from tautwave.rig import axis_integration
 from tautwave.session.facts import coupling_messages
 from tautwave.session.network import network_words, receiver_words
+from tautwave.summary.model import Unused
 
 if TYPE_CHECKING:
     from tautwave.config.keys.scene import Scene
@@ -43,9 +44,13 @@ def rig_plan(rig: Rig, *, clock: str = "real") -> list[PlanItem]:
     return items
 
 
-def left_out(plan: list[PlanItem]) -> list[str]:
-    """Return the left-out elements as sentences for the summary."""
-    return [f"{item.element}: {item.reason}" for item in plan if item.state == "left out"]
+def left_out(plan: list[PlanItem]) -> tuple[Unused, ...]:
+    """Return the left-out elements for the summary."""
+    return tuple(
+        Unused(element=item.element, reason=item.reason)
+        for item in plan
+        if item.state == "left out"
+    )
 
 
 def _item(element: str, used: bool, why: str, why_not: str = NOT_IN_RIG) -> PlanItem:

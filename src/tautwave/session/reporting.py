@@ -2,41 +2,45 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from tautwave.controller.stops import StopPlace
-from tautwave.errors import DeviceFault, NotCertifiedError, TautwaveError, WritingError
-from tautwave.files import json_ready, write_text
+from tautwave.errors import (
+    ConfigError,
+    DeviceFault,
+    NotCertifiedError,
+    RecordingError,
+    TautwaveError,
+    WritingError,
+)
 from tautwave.rig import Assembly
 from tautwave.runtime.interrupts import interrupts
 from tautwave.runtime.loop import LoopResult
 from tautwave.runtime.recorder import RecorderStats
 from tautwave.runtime.unwatched import may_be_enabled
+from tautwave.summary import Summary, plain_summary, read_summary, write_summary
+from tautwave.summary.model import Outcome, Recording
 
 REPORT_TIMEOUT_S = 600.0
 SAFELY = "; all axes stopped safely"
 
 
-def recording_block(stats: RecorderStats) -> dict[str, Any]:
+def recording_of(stats: RecorderStats) -> Recording:
     """Return the summary's entry on its recording."""
-    return {
-        "rows_offered": stats.rows_offered,
-        "rows_written": stats.rows_written,
-        "rows_dropped": stats.rows_dropped,
-        "bytes": stats.bytes,
-        "error": stats.error,
-    }
+    return Recording(
+        rows_offered=stats.rows_offered,
+        rows_written=stats.rows_written,
+        rows_dropped=stats.rows_dropped,
+        bytes=stats.bytes,
+        error=stats.error,
+    )
 
 
-def report_run(
-    directory: Path, summary: dict[str, Any], exit_code: int
-) -> tuple[dict[str, Any], int]:
+def report_run(directory: Path, summary: Summary, exit_code: int) -> tuple[dict[str, Any], int]:
     """Write the summary, then have another process complete it and draw the report.
 
     NumPy arrays of an hour and matplotlib stay out of the process that moved the motors. Nothing is
@@ -47,28 +51,27 @@ def report_run(
     tuple
         The summary, and the exit code of the whole run.
     """
-    path = directory / "summary.json"
-    summary = json_ready(summary)
     lost = ""
     try:
-        write_text(path, _text(summary))
+        write_summary(directory, summary)
         reason, no_room = _complete(directory)
         if reason:
-            summary["report_error"] = f"the report could not be written: {reason}"
-            lost = summary["report_error"] if no_room else ""
+            said = f"the report could not be written: {reason}"
+            summary = summary.model_copy(update={"report_error": said})
+            lost = said if no_room else ""
         else:
-            summary = json.loads(path.read_text(encoding="utf-8"))
-    except WritingError as err:
+            summary, _ = read_summary(directory)
+    except (WritingError, RecordingError, ConfigError) as err:
         lost = str(err)
-    summary["incomplete"] = "; ".join(filter(None, (lost_rows(summary), lost))) or None
+    incomplete = "; ".join(filter(None, (lost_rows(summary.recording), lost))) or None
+    summary = summary.model_copy(update={"incomplete": incomplete})
     with suppress(WritingError):
-        write_text(path, _text(summary))
-    after = summary["certificate"].get("after_run", {})
-    invalidated = bool(after.get("invalidated"))
-    return summary, final_code(exit_code, invalidated, bool(summary["incomplete"]))
+        write_summary(directory, summary)
+    invalidated = summary.certificate.after_run.invalidated
+    return plain_summary(summary), final_code(exit_code, invalidated, bool(incomplete))
 
 
-def outcome_of(result: LoopResult, assembly: Assembly) -> tuple[dict[str, Any], int]:
+def outcome_of(result: LoopResult, assembly: Assembly) -> tuple[Outcome, int]:
     """Return how the run ended, and the exit code.
 
     `kind` and `sentence`; of one that was stopped also when (`at_s`), on which axis (None: on
@@ -82,27 +85,29 @@ def outcome_of(result: LoopResult, assembly: Assembly) -> tuple[dict[str, Any], 
         return outcome, exit_code
     axis = next(name for bus in assembly.buses for name in bus.driver.unconfirmed)
     stop = StopPlace(seconds, axis, "fault")._asdict()
-    sentence = f"{enabled}; before that: {outcome['sentence']}"
-    return {**stop, **outcome, "kind": "fault", "sentence": sentence}, DeviceFault.exit_code
+    sentence = f"{enabled}; before that: {outcome.sentence}"
+    said = outcome.model_dump(exclude_unset=True)
+    update = {**stop, **said, "kind": "fault", "sentence": sentence}
+    return Outcome.model_validate(update), DeviceFault.exit_code
 
 
 def _ended(
     result: LoopResult, assembly: Assembly, seconds: float, safely: str
-) -> tuple[dict[str, Any], int]:
+) -> tuple[Outcome, int]:
     """Return how the loop ended, and its exit code; `safely` if all devices are known to be off."""
     error = result.error
+    interrupted = Outcome(kind="interrupted", sentence=f"stopped by the user at {seconds:g} s")
     if error is None:
-        if result.interrupted:
-            return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
-        ended = getattr(assembly.control, "ended", "")
-        return {"kind": "finished", "sentence": ended or f"completed, {seconds:g} s"}, 0
+        ended = getattr(assembly.control, "ended", "") or f"completed, {seconds:g} s"
+        return interrupted if result.interrupted else Outcome(kind="finished", sentence=ended), 0
     if isinstance(error, KeyboardInterrupt):
-        return {"kind": "interrupted", "sentence": f"stopped by the user at {seconds:g} s"}, 0
+        return interrupted, 0
     if isinstance(error, TautwaveError):
-        kind = "safety_stop" if error.exit_code == 6 else "fault"
-        stop = result.stop or StopPlace(seconds, "", "fault")
-        stopped = {**stop._asdict(), "axis": stop.axis or None}
-        return {"kind": kind, "sentence": str(error), **stopped}, error.exit_code
+        return _stopped(
+            "safety_stop" if error.exit_code == 6 else "fault",
+            str(error),
+            result.stop or StopPlace(seconds, "", "fault"),
+        ), error.exit_code
     where = error.__traceback__
     while where is not None and where.tb_next is not None:
         where = where.tb_next
@@ -110,8 +115,13 @@ def _ended(
     if where is not None:
         place = f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})"
     sentence = f"{type(error).__name__}: {error}{place}{safely}"
-    stop = StopPlace(seconds, "", "error")
-    return {"kind": "fault", "sentence": sentence, **stop._asdict(), "axis": None}, 5
+    return _stopped("fault", sentence, StopPlace(seconds, "", "error")), 5
+
+
+def _stopped(kind: Literal["safety_stop", "fault"], sentence: str, stop: StopPlace) -> Outcome:
+    return Outcome(
+        kind=kind, sentence=sentence, at_s=stop.at_s, axis=stop.axis or None, reason=stop.reason
+    )
 
 
 def final_code(exit_code: int, invalidated: bool, incomplete: bool) -> int:
@@ -123,21 +133,20 @@ def final_code(exit_code: int, invalidated: bool, incomplete: bool) -> int:
     return exit_code
 
 
-def lost_rows(summary: Mapping[str, Any]) -> str:
+def lost_rows(recording: Recording) -> str:
     """Return what is missing from a run's recording; '' if nothing is."""
-    recording = summary["recording"]
-    written, read = recording["rows_written"], recording.get("rows_read")
+    written, read = recording.rows_written, recording.rows_read
     reason = ""
-    if recording["error"]:
-        reason = recording["error"]
-    elif recording["rows_dropped"]:
+    if recording.error:
+        reason = recording.error
+    elif recording.rows_dropped:
         reason = (
-            f"{recording['rows_dropped']} of {recording['rows_offered']} rows were dropped "
+            f"{recording.rows_dropped} of {recording.rows_offered} rows were dropped "
             "because the writer fell behind"
         )
     elif read is not None and read != written:
         reason = f"{read} of the {written} rows that were written can be read back"
-    elif recording.get("truncated"):
+    elif recording.truncated:
         reason = "its end is missing"
     return f"the recording is incomplete: {reason}" if reason else ""
 
@@ -168,7 +177,3 @@ def _complete(directory: Path) -> tuple[str, bool]:
         return "", False
     reason = (child.stderr.strip().splitlines()[-1:] or ["no reason given"])[0]
     return reason, child.returncode == WritingError.exit_code
-
-
-def _text(summary: Mapping[str, Any]) -> str:
-    return json.dumps(summary, indent=2, allow_nan=False) + "\n"

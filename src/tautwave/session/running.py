@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -36,18 +36,21 @@ from tautwave.session.network import link_claims
 from tautwave.session.operating import (
     claimed_span,
     engagements,
-    operation_block,
+    operation_done,
     refuse_endless,
     scales_of,
     with_operation,
 )
 from tautwave.session.plan import left_out, rig_plan
-from tautwave.session.reporting import outcome_of, recording_block, report_run
-from tautwave.session.sites.agreed import claim_sessions
+from tautwave.session.reporting import outcome_of, recording_of, report_run
+from tautwave.session.sites.agreed import with_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
 from tautwave.session.viewing.tuning import tuning_facts, tuning_of, with_tuning
-from tautwave.types import CommandDelay
+from tautwave.summary import Summary, checked
+from tautwave.summary.model import Axis, Bus, Camera, DeviceFault, Pair, Scene, Site, Spread, Tuned
+from tautwave.summary.model import CommandDelay as CommandDelayOf
+from tautwave.types import CommandDelay, Fault
 
 
 class Moved(NamedTuple):
@@ -198,46 +201,52 @@ def run(
         progress(1.0, "reporting")
     loop, result = moved.loop, moved.result
     outcome, exit_code = outcome_of(result, assembly)
-    summary = {
-        "rig": rig.name,
-        "version": version("tautwave"),
-        "outcome": outcome,
-        "started_utc": started.isoformat(timespec="seconds"),
-        "command": command,
-        "clock": clock,
-        "asked_s": rig.duration_s,
-        "duration_s": (result.cycles + result.missed_cycles) * rig.period_s,
-        "rate_hz": rig.rate_hz,
-        "cycles": result.cycles,
-        "missed_cycles": result.missed_cycles,
-        "wall_time_s": moved.wall_time_s,
-        "period_us": loop.period.summary(),
-        "lateness_us": loop.lateness.summary(),
-        "compute_us": loop.compute.summary(),
-        "realtime": [*moved.sentences, *(engine.sentences if engine is not None else ())],
-        "axes": _axes(assembly, result),
-        "faults": [fault.text for fault in result.faults],
-        "certificate": summary_block(certificate, allow_uncertified),
-        "left_out": left_out(rig_plan(rig, clock=clock)),
-        "recording": recording_block(moved.stats),
-        "buses": _buses(assembly, ways),
-        "pairs": _pairs(rig, assembly, result.cycles + result.missed_cycles),
-        **operation_block(assembly, (result.cycles + result.missed_cycles) * rig.period_s),
-    }
+    slots = result.cycles + result.missed_cycles
+    pairs = _pairs(rig, assembly, slots)
+    extra: dict[str, Any] = {}
+    operation = operation_done(assembly, slots * rig.period_s)
+    if operation is not None:
+        extra["operation"] = operation
     if cameras:
-        summary["cameras"] = cameras
+        extra["cameras"] = {name: checked(Camera, one) for name, one in cameras.items()}
     if tuning is not None:
-        summary["tuning"] = tuning.summary()
+        extra["tuning"] = tuple(checked(Tuned, one) for one in tuning.summary())
     if assembly.scene is not None:
-        summary["scene"] = {
-            "engine": "python" if engine is None else engine.name,
-            "elements": assembly.scene.model.elements(),
-        }
+        name = "python" if engine is None else engine.name
+        extra["scene"] = checked(
+            Scene, {"engine": name, "elements": assembly.scene.model.elements()}
+        )
     if link is not None:
-        summary["link"] = link.summary(rig, assembly)
-        claim_sessions(summary)
-    summary, exit_code = report_run(directory, summary, exit_code)
-    return RunResult(summary, directory, exit_code)
+        extra["link"] = site = checked(Site, link.summary(rig, assembly))
+        pairs = with_sessions(pairs, site)
+    summary = Summary(
+        rig=rig.name,
+        version=version("tautwave"),
+        outcome=outcome,
+        started_utc=started.isoformat(timespec="seconds"),
+        command=command,
+        clock=clock,
+        asked_s=rig.duration_s,
+        duration_s=slots * rig.period_s,
+        rate_hz=rig.rate_hz,
+        cycles=result.cycles,
+        missed_cycles=result.missed_cycles,
+        wall_time_s=moved.wall_time_s,
+        period_us=Spread(**loop.period.summary()),
+        lateness_us=Spread(**loop.lateness.summary()),
+        compute_us=Spread(**loop.compute.summary()),
+        realtime=(*moved.sentences, *(engine.sentences if engine is not None else ())),
+        axes=_axes(assembly, result),
+        faults=_faults(result.faults),
+        certificate=summary_block(certificate, allow_uncertified),
+        left_out=left_out(rig_plan(rig, clock=clock)),
+        recording=recording_of(moved.stats),
+        buses=_buses(assembly, ways),
+        pairs=pairs,
+        **extra,
+    )
+    result_of_run, exit_code = report_run(directory, summary, exit_code)
+    return RunResult(result_of_run, directory, exit_code)
 
 
 def _other_site(
@@ -329,43 +338,52 @@ def loop_conditions(rig: Rig, clock: str) -> Iterator[list[str]]:
         yield sentences
 
 
-def _axes(assembly: Assembly, result: LoopResult) -> dict[str, dict[str, Any]]:
+def _axes(assembly: Assembly, result: LoopResult) -> dict[str, Axis]:
     names = [name for bus in assembly.buses for name in bus.axes]
     return {
-        name: {
-            "lost": result.lost[index],
-            "late": result.late[index],
-            "faults": [fault.text for fault in result.faults if fault.axis == name],
-        }
+        name: Axis(
+            lost=result.lost[index],
+            late=result.late[index],
+            faults=_faults(fault for fault in result.faults if fault.axis == name),
+        )
         for index, name in enumerate(names)
     }
 
 
-def _buses(assembly: Assembly, ways: Mapping[str, BusWay]) -> dict[str, dict[str, Any]]:
+def _faults(found: Iterable[Fault]) -> tuple[DeviceFault, ...]:
+    return tuple(
+        DeviceFault(text=str(one.text), axis=one.axis or None, fatal=one.fatal) for one in found
+    )
+
+
+def _buses(assembly: Assembly, ways: Mapping[str, BusWay]) -> dict[str, Bus]:
     return {
-        bus.name: {
+        bus.name: Bus(
             **ways[bus.name].as_dict(),
-            "command_delay": bus.driver.command_delay._asdict(),
-            "notes": list(getattr(bus.driver, "notes", ())),
-            "watchdog_s": dict(bus.driver.watchdog_s),
-            "unwatched": dict(bus.driver.unwatched),
-            "unconfirmed": dict(bus.driver.unconfirmed),
-        }
+            command_delay=CommandDelayOf(**bus.driver.command_delay._asdict()),
+            notes=tuple(map(str, getattr(bus.driver, "notes", ()))),
+            watchdog_s=dict(bus.driver.watchdog_s),
+            unwatched=dict(bus.driver.unwatched),
+            unconfirmed=dict(bus.driver.unconfirmed),
+        )
         for bus in assembly.buses
     }
 
 
-def _pairs(rig: Rig, assembly: Assembly, cycles: int) -> dict[str, dict[str, Any]]:
+def _pairs(rig: Rig, assembly: Assembly, cycles: int) -> dict[str, Pair]:
     delays = dict.fromkeys(rig.axes, CommandDelay(0, 0.0))  # another site's is not known here
     delays |= {name: bus.driver.command_delay for bus in assembly.buses for name in bus.axes}
     count = max(1, engagements(assembly))
     each = rig.model_copy(update={"duration_s": claimed_span(rig, cycles) / count})
     return {
-        name: {
-            "kind": rig.master.axes[name].kind,
-            **pair_facts(rig, name, delays)._asdict(),
-            **summary_claims((each, *scales_of(each)), name, delays, count),
-            **link_claims(rig, name, delays),
-        }
+        name: checked(
+            Pair,
+            {
+                "kind": rig.master.axes[name].kind,
+                **pair_facts(rig, name, delays)._asdict(),
+                **summary_claims((each, *scales_of(each)), name, delays, count),
+                **link_claims(rig, name, delays),
+            },
+        )
         for name in rig.coupling.pairs
     }

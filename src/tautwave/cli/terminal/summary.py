@@ -129,7 +129,8 @@ def _operation(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
 
 def _left_out(summary: Mapping[str, Any]) -> Iterator[Sequence[str]]:
     """Yield what was left out, or how much where it is more than a screen has room for."""
-    rows = list(left_out_rows(summary.get("left_out", ())))
+    left_out = summary.get("left_out", ())
+    rows = [(str(one["element"]), str(one.get("reason") or "")) for one in left_out]
     if len(rows) <= MOST_LEFT_OUT:
         yield from rows
     else:
@@ -278,7 +279,7 @@ def _timing(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
 def _devices(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
     for axis, figures in _items(summary, "axes"):
         faults = figures.get("faults") or ()
-        text = "; ".join(map(str, faults)) if isinstance(faults, list | tuple) else str(faults)
+        text = "; ".join(str(one["text"]) for one in faults)
         if figures.get("lost") or figures.get("late") or faults:
             yield axis, count(figures.get("lost")), count(figures.get("late")), Cell(text, BAD)
 
@@ -288,18 +289,6 @@ def _unwatched(summary: Mapping[str, Any]) -> Iterator[Sequence[str | Cell]]:
     for _, bus in _items(summary, "buses"):
         for name, does in _items(bus, "unwatched"):
             yield name, Cell(str(does), NOTE)
-
-
-def left_out_rows(entries: Any) -> Iterator[tuple[str, str]]:
-    """Element and reason, from `left_out` as pairs, mappings or plain strings."""
-    for entry in entries:
-        if isinstance(entry, Mapping):
-            yield str(entry.get("element", "")), str(entry.get("reason", ""))
-        elif isinstance(entry, str):
-            element, _, reason = entry.partition(": ")
-            yield element, reason
-        else:
-            yield str(entry[0]), str(entry[-1])
 
 
 def _items(summary: Mapping[str, Any], key: str) -> Iterator[tuple[str, Mapping[str, Any]]]:

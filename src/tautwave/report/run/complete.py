@@ -7,15 +7,15 @@ motors: what quantisation and noise hide from the controller.
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 
-from tautwave.files import write_text
 from tautwave.report.fast_motion import fast_shares
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import Run, engaged_s, served_rows
+from tautwave.summary import Summary, checked, plain_summary
+from tautwave.summary import write_summary as write_file
 
 _GAINS = ("hand_work", "motor_work")
 _LOSSES = ("grip_loss", "viscous_loss", "coulomb_loss", "environment_loss")
@@ -58,9 +58,9 @@ def write_summary(run: Run) -> None:
     WritingError
         It cannot be written.
     """
-    text = json.dumps(run.summary, indent=2, allow_nan=False) + "\n"
-    write_text(run.directory / "summary.json", text)
-    run.summary = json.loads(text)
+    summary = checked(Summary, run.summary)
+    write_file(run.directory, summary)
+    run.summary = plain_summary(summary)
 
 
 def load_energy(run: Run, side: str) -> dict[str, float]:

@@ -6,16 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from tautwave import formats
-from tautwave.config.guard import parse_json, read_guarded
+from tautwave.config.guard import read_guarded
 from tautwave.config.text.document import open_document
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import WHOLE_CELLS, Run
 from tautwave.report.run.scratch import spread_columns
 from tautwave.report.units import number
+from tautwave.summary import plain_summary, read_summary
 
 LARGEST = 16 * 1024 * 1024
-"""Bytes of rig.yaml and of summary.json: a run of many pairs leaves some 100 kB."""
+"""Bytes of rig.yaml: one of many pairs has some 100 kB."""
+
+MOST_WRONG = 5
+"""Values of a summary that are wrong and said to be."""
 
 MISSING = (
     "summary.json is missing, so the run ended before it could be written (a crash or a kill)."
@@ -33,7 +37,7 @@ def load_run(directory: Path) -> Run:
     notes: list[str] = []
     directory = Path(directory)
     rig_text = _text(directory / "rig.yaml", notes)
-    summary, broken = _summary(directory / "summary.json")
+    summary, broken = _summary(directory, notes)
     rig = _rig(rig_text, notes)
     newer = formats.too_new("rig", rig.get("format"), formats.RIG)
     if newer is not None:
@@ -130,17 +134,14 @@ def _rig(text: str, notes: list[str]) -> dict[str, Any]:
     return document.value
 
 
-def _summary(path: Path) -> tuple[dict[str, Any], str]:
+def _summary(directory: Path, notes: list[str]) -> tuple[dict[str, Any], str]:
     """Return a run's summary, empty where there is none that can be read; and why it cannot."""
     try:
-        loaded = parse_json(read_guarded(path, "summary", LARGEST))
+        summary, wrong = read_summary(directory)
     except ConfigError as error:
-        return {}, _said(error, path) if path.exists() else ""
-    except ValueError as error:
-        return {}, f"summary.json cannot be read: {error}"
-    if not isinstance(loaded, dict) or not loaded:
-        return {}, "summary.json holds no summary"
-    return loaded, ""
+        return {}, str(error) if (directory / "summary.json").exists() else ""
+    notes += [f"{one}." for one in wrong[:MOST_WRONG]]
+    return plain_summary(summary), ""
 
 
 def _said(error: ConfigError, path: Path) -> str:

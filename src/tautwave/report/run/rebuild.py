@@ -36,7 +36,7 @@ def rebuild_summary(run: Run) -> dict[str, Any]:
         "rig": run.name,
         "outcome": {"kind": "unknown", "sentence": "How the run ended is not recorded."},
         "cycles": run.rows,
-        "certificate": {"passed": None, "verdicts": []},
+        "certificate": {"passed": None, "verdicts": {}},
         "rebuilt": True,
     }
     rate = run.rate_hz
@@ -49,8 +49,8 @@ def rebuild_summary(run: Run) -> dict[str, Any]:
         summary["period_us"] = spread(periods_us(run.time, run.read("lateness_us"), rate))
     for name, values in run.each(("lateness_us", "compute_us")):
         summary[name] = spread(values)
-    for name, values in run.each(("skipped_slots",)):
-        summary[name] = summary["missed_cycles"] = int(np.nansum(values))
+    for _, values in run.each(("skipped_slots",)):
+        summary["missed_cycles"] = int(np.nansum(values))
     pairs = {pair: _pair(run, pair) for pair in run.pairs}
     summary["pairs"] = pairs
     books = [p.pop("_books") for p in pairs.values()]

@@ -333,23 +333,16 @@ def simulated_by(run: Run) -> str:
 def _faults(faults: Any) -> str:
     if faults is None:
         return MISSING
-    if isinstance(faults, (list, tuple)):
-        return "; ".join(str(fault) for fault in faults) or "none"
-    return "none" if faults == 0 else str(faults)
+    return "; ".join(str(fault["text"]) for fault in faults) or "none"
 
 
 def left_out_table(run: Run) -> Table:
     """Elements that this rig does not need and runs without, with the reason."""
-    rows = []
-    for entry in run.summary.get("left_out") or ():
-        if isinstance(entry, dict):
-            what, why = str(entry.get("element", "")), str(entry.get("reason", ""))
-        elif isinstance(entry, (list, tuple)) and entry:
-            what, why = str(entry[0]), str(entry[-1])
-        else:
-            what, _, why = str(entry).partition(": ")
-        rows.append((what, why or "–"))
-    return Table("Unused elements", ("element", "why"), tuple(rows))
+    rows = tuple(
+        (str(entry["element"]), str(entry.get("reason") or "–"))
+        for entry in run.summary.get("left_out") or ()
+    )
+    return Table("Unused elements", ("element", "why"), rows)
 
 
 def included_table(run: Run) -> Table:

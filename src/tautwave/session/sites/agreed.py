@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from tautwave.summary.model import Pair, Site
+
 LINK_COLUMNS = (
     "link.session",
     "link.slot",
@@ -41,17 +43,26 @@ def positions(said: Any, names: Sequence[str]) -> Mapping[str, float] | None:
     return {name: float(one) for name, one in said.items()} if good else None
 
 
-def claim_sessions(summary: dict[str, Any]) -> None:
-    """Count what ports claim once for each session: each begins with its own reserve."""
-    link = summary["link"]
-    count = sum("engaged_s" in session for session in link["sessions"])
-    for name, pair in summary["pairs"].items():
-        claims = pair.get("claim_j", {})
-        granted = link["granted_j"][name]  # what brought it into place, and held it
-        pair["claim_j"] = {s: max(1, count) * claim + granted for s, claim in claims.items()}
-        for stated in pair.get("claims", {}).values():
-            for key in ("claim_j", "prompt_j"):
-                stated[key] = max(1, count) * stated[key] + granted
+def with_sessions(pairs: Mapping[str, Pair], site: Site) -> dict[str, Pair]:
+    """Return pairs whose ports claim once for each session: each begins with its own reserve."""
+    count = sum(session.engaged_s is not None for session in site.sessions)
+    found = {}
+    for name, pair in pairs.items():
+        granted = site.granted_j[name] or 0.0  # what brought it into place, and held it
+
+        def of_all(joules: float | None, granted: float = granted) -> float | None:
+            return None if joules is None else max(1, count) * joules + granted
+
+        claims = {side: of_all(claim) for side, claim in pair.claim_j.items()}
+        stated = {
+            side: one.model_copy(
+                update={"claim_j": of_all(one.claim_j), "prompt_j": of_all(one.prompt_j)}
+            )
+            for side, one in pair.claims.items()
+        }
+        update = {"claim_j": claims} | ({"claims": stated} if stated else {})
+        found[name] = pair.model_copy(update=update)
+    return found
 
 
 def lost_words(peer: str, since_s: float, why: str) -> str:

@@ -1,0 +1,24 @@
+"""The result of a run as types: `summary.json` is written and read here alone."""
+
+from __future__ import annotations
+
+from tautwave.summary.file import (
+    checked,
+    plain_summary,
+    read_summary,
+    summary_of,
+    summary_text,
+    write_summary,
+)
+from tautwave.summary.model import Summary, summary_schema
+
+__all__ = [
+    "Summary",
+    "checked",
+    "plain_summary",
+    "read_summary",
+    "summary_of",
+    "summary_schema",
+    "summary_text",
+    "write_summary",
+]
