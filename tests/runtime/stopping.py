@@ -20,8 +20,10 @@ from tautwave.errors import DriverError
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.operate.commands import Script, read_script
+from tautwave.session.engine import with_engine
 from tautwave.session.identification.exciting import Excitation, excite, plan_excitation
 from tautwave.session.operating import with_operation
+from tautwave.session.scene_pace import choose_engine, use_engine
 from tautwave.types import AxisCommand, Fault, JointState
 from tests.arms.motions import FOLLOWING, PLANAR
 from tests.rigs.running import ListSink, Tree, rig_of, tree
@@ -211,7 +213,10 @@ def innermost(driver: Any) -> Any:
 
 
 class Done(NamedTuple):
-    """A finished run: rows by column, what was written to each axis and the joints of its tip."""
+    """A finished run: rows by column, what was written to each axis and the joints of its tip.
+
+    `control` is the class of its controller.
+    """
 
     rig: Rig
     slot: int
@@ -219,11 +224,13 @@ class Done(NamedTuple):
     written: Mapping[str, Mapping[int, AxisCommand]]
     joints: Mapping[str, Mapping[int, AxisCommand]]
     error: BaseException | None
+    control: str
 
 
 def fail(rig: Rig, failure: str, axis: str, *, excited: bool = False) -> Done:
     """Run a rig whose axis fails."""
-    built = build_rig(rig, clock="fake")
+    built = with_engine(rig, build_rig(rig, clock="fake"))
+    built = use_engine(built, choose_engine(rig, "fake").name)
     if rig.operate is not None:
         built = with_operation(rig, built, [Script(read_script("", "script"))], [])
     if excited:
@@ -253,7 +260,8 @@ def fail(rig: Rig, failure: str, axis: str, *, excited: bool = False) -> Done:
     sink = ListSink(len(built.columns))
     result = Loop(built.clock, built.buses, built.control, built.sources, sink).run()
     rows = dict(zip(built.columns, np.array(sink.rows).T, strict=True))
-    return Done(rig, slot, rows, written, joints, result.error)
+    kind = type(built.control).__name__
+    return Done(rig, slot, rows, written, joints, result.error, kind)
 
 
 def log_writes(

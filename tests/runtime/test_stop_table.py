@@ -139,6 +139,7 @@ def try_all(group: Group, failures: Sequence[str]) -> None:
         rig = rig_in(*group)
         for axis in failing_axes(rig, kind, law, failure):
             done = fail(rig, failure, axis, excited=kind == "excited")
+            assert done.control.startswith("Compiled") == (engine == "compiled")
             try:
                 silent = axis if law.startswith("mediated") and axis.startswith("master") else ""
                 check(done, kind, failure, axis, place, silent)
@@ -300,7 +301,7 @@ def at_sites(law: str, account: bool, failure: str, side: str) -> Done:
         rows = {name: half[name] for name in half.control.columns}
         rows["time_s"] = np.array(slots) * half.rig.period_s
         rows["skipped_slots"] = np.array(skipped, float)
-        return Done(half.rig, ENGAGED, rows, {}, {}, half.control.error())
+        return Done(half.rig, ENGAGED, rows, {}, {}, half.control.error(), type(half.control).__name__)
     finally:
         two.close()
 
