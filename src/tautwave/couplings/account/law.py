@@ -21,7 +21,8 @@ GUARDS = {
     own.ACCOUNT_EMPTY: Guard(
         "account_empty",
         "lost its coupling",
-        "its energy account is empty and it let go of {found:.3g} {effort}; motion of the hand "
+        "its energy account is empty and it let go: of {allowed:.3g} {effort} that its law asks "
+        "for less than a tenth passes, {found:.3g} at best for a second; motion of the hand "
         "refills it, and law wave holds without any",
     ),
 }
@@ -85,6 +86,7 @@ def _steps(
             "law_cover": holding.cover,
             "law_held": holding.held,
             "law_share": holding.share,
+            "law_whole": holding.whole,
         }
     names = own.element_names_over_link if over else own.element_names
     fill = own.fill_elements_over_link if over else own.fill_elements

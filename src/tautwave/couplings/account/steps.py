@@ -62,9 +62,15 @@ def whole_gain(s: AxisState, p: AxisParams) -> float:
     return 1.0
 
 
+def effort_itself(s: AxisState, p: AxisParams, effort: float) -> float:
+    """Ask for no more with more to hold [N m or N]."""
+    return effort
+
+
 law_cover = no_cover
 law_held = nothing_held
 law_share = whole_gain
+law_whole = effort_itself
 
 
 def start_account(s: AxisState, p: AxisParams) -> None:
@@ -299,11 +305,12 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     e = s.end.account
     k = p.end.account
     wanted = law_think(s, p, coast)
+    uncovered = law_whole(s, p, wanted) - wanted
     missing = level_missing(e.far_level)
     e.smooth += k.smoothing * (coast - e.smooth)
     wanted += missing * (k.level_damping * coast + level_friction(k, e.smooth))
     due = k.income * law_share(s, p) + missing * k.level_income
-    asked = wanted
+    asked = wanted + uncovered
     low, high = gate_bounds(k, k.share * e.funds, coast, p.site.half_mobility, p.site.period)
     if wanted < low:
         wanted = low
@@ -336,10 +343,8 @@ def watch_hold(s: AxisState, p: AxisParams, asked: float, passed: float) -> None
         e.lost = 0
     if e.lost >= PATIENCE and s.alarm == 0:
         s.alarm = ACCOUNT_EMPTY
-        s.found = e.asked / k.window
-        if e.held > k.felt:
-            s.found = e.held
-        s.allowed = k.felt
+        s.found = e.held
+        s.allowed = e.asked / k.window
     e.asked = 0.0
     e.let = 0.0
     e.watched = 0

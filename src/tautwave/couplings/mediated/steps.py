@@ -166,6 +166,19 @@ def effort(s: AxisState, p: AxisParams, coast: float) -> float:
     return push + push_of(k.model, e.below, -1.0, s.position, s.velocity)
 
 
+def whole(s: AxisState, p: AxisParams, effort: float) -> float:
+    """Return the resisting effort of the surfaces that are known, whoever pays for them [N m or N].
+
+    A follower's, `effort`, needs no cover.
+    """
+    if p.end.follows:
+        return effort
+    k = p.end
+    c = s.end.contact
+    push: float = push_of(k.model, c.above, 1.0, s.position, s.velocity)
+    return push + push_of(k.model, c.below, -1.0, s.position, s.velocity)
+
+
 def gain(end: MediatedEndParams, tracker: float, period: float) -> float:
     """Return by how much the effort changes at most with the newest sample [N m/rad or N/m]."""
     if end.follows:
@@ -224,7 +237,7 @@ law = seen_law(
     begin=begin,
     keep=keep,
     shown=shown,
-    holding=Holding(cover, held, gain, share),
+    holding=Holding(cover, held, gain, share, whole),
     signals=SIGNALS,
     fill_signals=fill_signals,
 )
