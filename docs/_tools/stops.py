@@ -153,6 +153,8 @@ TIPS = ("tip", "velocity tip")
 OWN = ("scene", "excited")
 MEASURED = tuple(law for law, sides in LAWS.items() if sides)
 UNMEASURED = tuple(law for law, sides in LAWS.items() if not sides)
+BY_LIVE = ("pd_damping", "position_force", "mediated")
+STEPPED = "the simulation steps it by the functions that the loop has compiled: see there"
 NOT_THERE: tuple[tuple[dict[str, tuple[Any, ...]], str], ...] = (
     ({"law": (ALONE,), "kind": ("effort", "velocity", "follower", *TIPS)}, "a law couples it"),
     ({"law": tuple(LAWS), "kind": OWN}, "no law couples it"),
@@ -196,6 +198,10 @@ NOT_THERE: tuple[tuple[dict[str, tuple[Any, ...]], str], ...] = (
         },
         "simulated devices lose samples and the host skips slots, and nothing else fails",
     ),
+    ({"engine": ("simulate",), "law": (*BY_LIVE, *MEASURED)}, STEPPED),
+    ({"engine": ("simulate",), "law": ("position", "four_channel"), "account": (False,)}, STEPPED),
+    ({"engine": ("simulate",), "law": ("position",), "place": ("plain",)}, STEPPED),
+    ({"engine": ("simulate",), "law": ("four_channel",), "place": ("link",)}, STEPPED),
 )
 """Cases that cannot be, each with its reason."""
 

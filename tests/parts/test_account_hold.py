@@ -104,7 +104,9 @@ def test_an_axis_that_let_go_ends_the_run(law: str) -> None:
     assert 2.9 < run.result.stop.at_s < 4.1  # whole seconds after that in which it was emptied
     assert f": {EMPTY}" in str(run.result.error)
     pressed = np.abs(run["slave.a.commanded"][60:EMPTIED]).mean()
-    said = float(str(run.result.error).partition("asks for less than a tenth passes, ")[2].split()[0])
+    said = float(
+        str(run.result.error).partition("asks for less than a tenth passes, ")[2].split()[0]
+    )
     assert said == pytest.approx(pressed, rel=0.4)
 
 
@@ -115,7 +117,7 @@ def test_a_rendered_surface_that_nothing_covers_ends_the_run() -> None:
     run = drained(rig, build_rig(rig, clock="fake"), 2 * EMPTIED, "master")
     assert run.result.stop is not None
     assert (run.result.stop.axis, run.result.stop.reason) == ("master.a", "account_empty")
-    assert np.abs(run["master.a.commanded"][200:2 * EMPTIED]).min() > 20.0
+    assert np.abs(run["master.a.commanded"][200 : 2 * EMPTIED]).min() > 20.0
     assert np.abs(run["master.a.commanded"][-200:]).max() < 1e-6
 
 

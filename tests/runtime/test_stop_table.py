@@ -32,6 +32,20 @@ for cell in stops.cells():
     if not stops.reason(cell):
         group = (cell.kind, cell.law, cell.account, cell.place, cell.engine)
         GROUPS[group].append(cell.failure)
+
+
+def named(values: Sequence[Any]) -> str:
+    kind, law, account, *rest = values
+    return ", ".join((kind, f"{law} in an account" if account else law, *rest))
+
+
+STATES = ("pd_damping", "position_force", "four_channel")
+KERNELS: dict[str, list[Group]] = defaultdict(list)
+"""Groups by what they have compiled, once for all: to compile takes most of the time."""
+for it in GROUPS:
+    if it[4] != "python":
+        law = "states" if it[1].startswith(STATES) else it[1].partition(" measured")[0]
+        KERNELS[named(("every kind", law, *it[2:]))].append(it)
 FEW = [
     ("effort", "position", False, "plain", "python", "silent"),
     ("effort", "pd_damping", True, "plain", "python", "stall"),
@@ -45,11 +59,6 @@ FEW = [
     ("excited", stops.ALONE, False, "plain", "python", "late"),
 ]
 """Of every kind but the slow tips one, in the default run."""
-
-
-def named(values: Sequence[Any]) -> str:
-    kind, law, account, *rest = values
-    return ", ".join((kind, f"{law} in an account" if account else law, *rest))
 
 
 def rig_in(kind: str, law: str, account: bool, place: str, engine: str) -> Rig:
@@ -200,10 +209,11 @@ def test_every_case_in_plain_python(group: Group) -> None:
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("group", [it for it in GROUPS if it[4] != "python"], ids=named)
-def test_every_case_compiled(group: Group) -> None:
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_every_case_compiled(kernel: str) -> None:
     pytest.importorskip("numba")
-    try_all(group, GROUPS[group])
+    for group in KERNELS[kernel]:
+        try_all(group, GROUPS[group])
 
 
 def simulated(rig: Rig) -> None:
@@ -301,7 +311,9 @@ def at_sites(law: str, account: bool, failure: str, side: str) -> Done:
         rows = {name: half[name] for name in half.control.columns}
         rows["time_s"] = np.array(slots) * half.rig.period_s
         rows["skipped_slots"] = np.array(skipped, float)
-        return Done(half.rig, ENGAGED, rows, {}, {}, half.control.error(), type(half.control).__name__)
+        return Done(
+            half.rig, ENGAGED, rows, {}, {}, half.control.error(), type(half.control).__name__
+        )
     finally:
         two.close()
 
