@@ -315,8 +315,9 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     if site.compensates or site.lightens:
         port = port + support
     bound = ceiling
-    if site.bounded:
-        bound = stall_ceiling(site.stall, s.velocity, coast, wall + port, ceiling)
+    total = wall + port
+    if not -site.sure <= total <= site.sure:
+        bound = stall_ceiling(site.stall, s.velocity, coast, total, ceiling)
     total, port, wall, wanted = limit_site(site, wall, port, s.total, bound)
     s.limited = 0
     if total != wanted or math.fabs(wanted) >= site.limit.effort:

@@ -37,7 +37,7 @@ class SiteParams(NamedTuple):
     (0: none). `compensation` of the device's friction, if it `compensates`; `inertia` that is
     taken off, if it `lightens`. `clip` and `wall_clip` are what the coupling's effort and the
     wall's are clipped at, each by itself [N m or N]; infinite: by the limits of both alone. `stall`
-    bounds all of the effort, if it is `bounded`.
+    bounds all of the effort for a host that stalls; up to `sure` [N m or N] that never binds.
     """
 
     period: float
@@ -54,7 +54,7 @@ class SiteParams(NamedTuple):
     clip: float = math.inf
     wall_clip: float = math.inf
     stall: StallParams = NO_STALL
-    bounded: bool = False
+    sure: float = math.inf
 
 
 def render_wall(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import DEVIATIONS, Claim
 from tautwave.config import Rig
 from tautwave.laws.ramp import StallParams, stall_bound, stall_params
@@ -40,6 +41,17 @@ def stall_of(rig: Rig, axis_name: str, delay: CommandDelay) -> StallParams | Non
     found = stall_params(has.blind, has.inertia, has.shared_rate, energy, doubt, has.load_effort)
     whole = stall_bound(found, 0.0) >= has.shared_effort
     return found if whole or rig.axes[axis_name].stall_energy_j is not None else None
+
+
+def sure_effort(stall: StallParams, has: AxisAllowance, delay: CommandDelay) -> float:
+    """Return the effort up to which a bound for stalls binds at no velocity [N m or N].
+
+    An axis runs at up to its velocity limit, and is predicted to be faster by what acted since the
+    last sample but one and is under way.
+    """
+    commands = has.blind / has.period + 2.0 * delay.periods
+    ahead = 0.5 * has.period / has.inertia * commands * has.effort
+    return stall_bound(stall, has.velocity + ahead)
 
 
 def velocity_doubt(rig: Rig, axis_name: str) -> float:

@@ -21,7 +21,7 @@ from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig.allowance.filling import axis_allowance, wall_push
-from tautwave.rig.claims import stall_of
+from tautwave.rig.claims import stall_of, sure_effort
 from tautwave.rig.clips import clips
 from tautwave.rig.network import trace_of
 from tautwave.rig.parts import coupling_part
@@ -252,7 +252,7 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
             ),
             lightens=keys is not None and keys.inertia > 0.0,
             stall=NO_STALL if stall is None else stall,
-            bounded=stall is not None,
+            sure=math.inf if stall is None else sure_effort(stall, allowance, delay),
         ),
         pipe,
         weight=1.0 if side == "master" else 1.0 / scale.power,
