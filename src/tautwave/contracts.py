@@ -331,8 +331,6 @@ class CouplingPlugin(NamedTuple):
     `Choice` for each key left to the law, by path. `variant(plugin, coupling)`: the declaration for
     a rig's keys.
     `tune(constants, state, key, value, period)`: a running end's, with another value of a key.
-    `mutual`: a spring that both ends feel alike and nothing fed back but dampers, so that what it
-    generated in a run is known from what it holds (`tautwave.analysis.rise`).
     """
 
     summary: str
@@ -355,7 +353,6 @@ class CouplingPlugin(NamedTuple):
     resolve: Any = ""
     variant: Any = ""
     tune: Any = ""
-    mutual: bool = False
 
 
 class CoupledAxis(NamedTuple):

@@ -45,11 +45,11 @@ def test_a_run_that_generated_energy_is_exit_code_3_with_both_numbers(
     assert "lower its stiffness" in last
     assert "more than the damping of its devices, by its lower bounds, could have taken" in last
     said = " ".join(done.stdout.split())
-    assert "certificate passive passed, before the run; not kept in it" in said
+    assert "certificate passive conditional, before the run; not kept in it" in said
     assert said.count(" ".join(found["sentence"].split())) == 2  # on top, and by the certificate
     page = page_of(tmp_path / "out")
     assert page.index("This run generated energy") < page.index("Energy books")
-    assert "Before the run: passive: passed" in page
+    assert "Before the run: passive: conditional" in page
     assert "Its energy is judged by what its spring holds" in page
 
 
@@ -62,7 +62,7 @@ def test_the_same_run_with_every_sample_is_exit_code_0(
     assert found["passed"]
     assert found["given_j"] <= found["floor_j"]
     assert summary["warnings"] == []
-    assert "certificate passive passed" in " ".join(done.stdout.split())
+    assert "certificate passive conditional Timing" in " ".join(done.stdout.split())
 
 
 def test_a_safety_stop_outranks_it_and_the_sentence_is_there_too(
@@ -138,13 +138,12 @@ def test_a_slave_that_never_moves_is_warned_of_unless_it_is_meant(
         assert summary["warnings"] == []
         assert "Warnings" not in page
         return
-    master, slave, apart = summary["warnings"]
-    assert master.startswith("master.a was at its limit in ")
+    slave, apart = summary["warnings"]
     assert slave.startswith("slave.a was at its limit in ")
     assert "its ends were " in apart
     said = " ".join(done.stdout.split())
     for sentence in summary["warnings"]:
-        assert " ".join(sentence.split()) in said
+        assert " ".join(sentence.partition("(")[0].split()) in said
         assert sentence in page
 
 

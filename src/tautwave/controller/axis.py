@@ -325,10 +325,10 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
         if bound < ceiling and math.fabs(wanted) > bound:
             s.limited = STALL_BOUND | limited_by(site.limit, clamp(wanted, bound), s.total, ceiling)
     if cut != 0.0:
-        if -site.clip <= asked <= site.clip:
-            s.limited = s.limited | RAMPED
-        else:
+        if not -site.clip <= asked <= site.clip:
             s.limited = s.limited | CLIPPED
+        if ceiling < p.ceiling:
+            s.limited = s.limited | RAMPED
         wanted = wanted + cut
     if site.compensates or site.lightens:
         port = port - support

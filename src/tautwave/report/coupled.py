@@ -1,13 +1,12 @@
 """What the coupling of a pair generated in a run: its rows brought to the books of `analysis.rise`.
 
-For laws that are `mutual`: a spring that both ends feel alike. Everything is in the pair's units.
+For laws whose ends are those of one spring (`Law.alike`). Everything is in the pair's units.
 Left out is what is no work of the coupling's: rows in which a stop acts, or a ramp holds the effort
 below what the spring asks for, and of an operated rig all that is not engaged.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -24,12 +23,13 @@ from tautwave.analysis.rise import (
     rise_of,
 )
 from tautwave.certificate.belief import SIDES, declared_delays
+from tautwave.certificate.tuning.conditions import stall_joules
 from tautwave.config import Rig
 from tautwave.controller.answer import sample_gain
 from tautwave.laws.limit import RAMPED, STOPPED
 from tautwave.report.noise import measured_deviation
 from tautwave.report.run.rundir import Run, block, engaged_rows, served_rows
-from tautwave.rig import axis_allowance, coupling_part, pair_scale
+from tautwave.rig import axis_allowance, pair_scale
 from tautwave.rig.controller import axis_params, coupling_law, end_constants, pair_params
 from tautwave.rig.operated.operation import scaled
 
@@ -40,70 +40,60 @@ TUNED = 1e-9
 
 
 class End(NamedTuple):
-    """One end of a mutual coupling, in its device's units.
+    """One end of a spring, in its device's units.
 
-    `weight`, `leverage`: energy and effort of the pair per that of the device; `damping` is what is
-    left of the device's for the coupling, `answer` by how much the effort that acts changes with
-    its newest sample.
+    `weight`: energy of the pair per that of the device; `ceiling` of its effort, where none is
+    tuned; `damping` is what is left of the device's for the coupling, `answer` by how much the
+    effort that acts changes with its newest sample.
     """
 
     weight: float
-    leverage: float
+    ceiling: float
     damping: float
     answer: float
 
 
 class Spring(NamedTuple):
-    """A mutual coupling: its spring and that one's clip, as the master feels them, and its ends."""
+    """A spring between two devices and its clip, as the master feels them, and its ends."""
 
     stiffness: float
     clip: float
     ends: tuple[End, End]
 
 
-def is_mutual(rig: Rig) -> bool:
-    """Return whether a rig's coupling is a spring that both ends feel alike, and no account's."""
-    return rig.scene is None and coupling_part(rig).mutual
+def is_spring(rig: Rig) -> bool:
+    """Return whether a rig's coupling is a spring that both ends send alike."""
+    return rig.scene is None and coupling_law(rig).alike
 
 
 def spring_of(rig: Rig, pair: str) -> Spring:
-    """Return the spring of a pair of a mutual law, as the controller has it."""
+    """Return the spring of a pair, as the controller has it."""
     delays = declared_delays(rig)
     names = [f"{side}.{pair}" for side in SIDES]
     axes = [axis_params(rig, name, delays[name], 0) for name in names]
     law, between = coupling_law(rig), pair_params(rig, pair, names, 0)
-    levers = (1.0, abs(between.ratio) * between.weight)
     ends = []
-    for name, p, leverage in zip(names, axes, levers, strict=True):
+    for name, p in zip(names, axes, strict=True):
         gain = 0.0
         if p.delay == 0:
             mass = 0.5 * p.site.period / p.site.half_mobility
             end = end_constants(rig, name, delays[name])
             gain = sample_gain(law, end, between.link, p.site.period, p.site.gain, mass)
         damping = axis_allowance(rig, name, delays[name]).coupling_damping
-        ends.append(End(p.weight, leverage, damping, (1.0 - p.late) * gain))
-    clip = min(end.leverage * p.site.limit.effort for end, p in zip(ends, axes, strict=True))
-    assert law.spring is not None, "a mutual law is a spring"
-    return Spring(law.spring(between, *axes), clip, (ends[0], ends[1]))
+        ends.append(End(p.weight, p.ceiling, damping, (1.0 - p.late) * gain))
+    assert law.spring is not None
+    return Spring(law.spring(between, *axes), axes[0].site.clip, (ends[0], ends[1]))
 
 
 def stall_claim(rig: Rig, pair: str) -> float:
-    """Return what held efforts of a mutual coupling may give in one stall [J, the pair's].
+    """Return what held efforts of a spring may give in one stall at both ends [J, the pair's].
 
-    The effort that acts unseen, on a device that has its velocity limit and is driven by it, at
-    either end. Nothing is claimed without a velocity limit, for nothing bounds it.
+    Nothing is claimed without velocity limits, for nothing bounds it.
     """
-    delays = declared_delays(rig)
-    claim = 0.0
-    power = pair_scale(rig.coupling.pairs[pair]).power
-    for side, weight in zip(SIDES, (1.0, 1.0 / power), strict=True):
-        has = axis_allowance(rig, f"{side}.{pair}", delays[f"{side}.{pair}"])
-        if math.isinf(has.velocity):
-            return 0.0
-        effort = has.coupling_effort
-        held = has.blind + 0.5 * effort / has.coupling_rate
-        claim += weight * effort * (has.velocity * held + 0.5 * effort * held**2 / has.inertia)
-    return claim
+    found = stall_joules(rig, pair, declared_delays(rig))
+    if found is None:
+        return 0.0
+    return found[0] + found[1] / pair_scale(rig.coupling.pairs[pair]).power
 
 
 def coupled_rise(run: Run, rig: Rig, pair: str) -> Rise | None:
@@ -128,7 +118,7 @@ def coupled_rise(run: Run, rig: Rig, pair: str) -> Rise | None:
     for factor in np.unique(scale):
         spring = spring_of(rig if factor == 1.0 else scaled(rig, float(factor)), pair)
         here = scale[:-1] == factor
-        stored = clipped_potential(spring.stiffness, _ceilings(run, names, at, spring), stretch)
+        stored = clipped_potential(spring.stiffness, _clip(run, names, at, spring), stretch)
         given += np.where(here, np.diff(stored) - np.diff(absorbed), 0.0)
         for name, end in zip(names, spring.ends, strict=True):
             moved = np.diff(read[f"{name}.position"][at])
@@ -191,11 +181,11 @@ def _variance(run: Run, axis: str, moved: Floats) -> Floats:
     return noise**2 * (1.0 - follows) + np.where(moved != 0.0, step**2 / 12.0, 0.0)
 
 
-def _ceilings(run: Run, names: Sequence[str], at: Places, spring: Spring) -> float | Floats:
-    """Return the greatest effort of the spring, which a person may have tuned at an end."""
-    clip: float | Floats = spring.clip
+def _clip(run: Run, names: Sequence[str], at: Places, spring: Spring) -> float | Floats:
+    """Return the clip of the spring: tuned ceilings lower it at both ends by the lower share."""
+    share: float | Floats = 1.0
     for name, end in zip(names, spring.ends, strict=True):
         tuned = run.read(f"tuning.{name}.effort_ceiling").get(f"tuning.{name}.effort_ceiling")
         if tuned is not None:
-            clip = np.minimum(clip, end.leverage * tuned[at])
-    return clip
+            share = np.minimum(share, tuned[at] / end.ceiling)
+    return spring.clip * share

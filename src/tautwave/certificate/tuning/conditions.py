@@ -87,22 +87,31 @@ def _of_steps(rig: Rig, name: str, has: AxisAllowance) -> Iterator[str]:
         yield from assumed(rig.axes[name], name, coulomb=True)
 
 
-def stall_sentence(rig: Rig, pair: str, delays: Delays) -> str:
-    """Return what lost samples and a stalled host may cost, '' where nothing bounds it.
+def stall_joules(rig: Rig, pair: str, delays: Delays) -> tuple[float, float] | None:
+    """Return what lost samples and a stalled host may cost at either end [J], its device's.
 
     An effort F that is held for h, at the velocity limit v and driving the device of mass m, gives
     F (v h + F h^2 / 2 m); h counts the command's delay, what the host may miss, and the ramp to 0.
+    None where nothing bounds it.
     """
-    parts = []
+    found = []
     for side in SIDES:
         name = f"{side}.{pair}"
         has = axis_allowance(rig, name, delays[name])
         if math.isinf(has.velocity):
-            return ""
+            return None
         push = has.shared_effort
         held = has.blind + 0.5 * push / has.shared_rate
-        given = push * (has.velocity * held + 0.5 * push * held * held / has.inertia)
-        parts.append(f"{joules(given)} at {name}")
+        found.append(push * (has.velocity * held + 0.5 * push * held * held / has.inertia))
+    return found[0], found[1]
+
+
+def stall_sentence(rig: Rig, pair: str, delays: Delays) -> str:
+    """Return what lost samples and a stalled host may cost, '' where nothing bounds it."""
+    found = stall_joules(rig, pair, delays)
+    if found is None:
+        return ""
+    parts = [f"{joules(given)} at {side}.{pair}" for side, given in zip(SIDES, found, strict=True)]
     return f" Lost samples and stalls of the host may supply up to {' and '.join(parts)}, each."
 
 

@@ -66,7 +66,6 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         end_constants=end_constants,
         causalities=("impedance",),
         divisors=False,
-        mutual=False,
         verdict="tautwave.couplings.account.verdict:verdict",
         claim="tautwave.couplings.account.claim:claimed_joules",
         claim_terms="tautwave.couplings.account.claim:claim_of",

@@ -13,5 +13,4 @@ plugin = CouplingPlugin(
     linear="tautwave.couplings.position.linear:linear_end",
     verdict="tautwave.couplings.position.verdict:verdict",
     messages="tautwave.couplings.position.messages:messages",
-    mutual=True,
 )

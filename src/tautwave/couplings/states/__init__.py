@@ -13,7 +13,7 @@ from tautwave.couplings.over_link import LINKED
 _ROOM = "tautwave.couplings.states"
 
 
-def _plugin(name: str, keys: str, summary: str, *, mutual: bool = False) -> CouplingPlugin:
+def _plugin(name: str, keys: str, summary: str) -> CouplingPlugin:
     return CouplingPlugin(
         summary=summary,
         keys=f"{_ROOM}.keys:{keys}",
@@ -24,7 +24,6 @@ def _plugin(name: str, keys: str, summary: str, *, mutual: bool = False) -> Coup
         verdict=f"{_ROOM}.verdict:verdict",
         messages=f"{_ROOM}.messages:{name}",
         resolve=f"{_ROOM}.automatic:resolve",
-        mutual=mutual,
     )
 
 
@@ -37,7 +36,6 @@ pd_damping = _plugin(
     "pd_damping",
     "PdDampingCoupling",
     "spring and damper between delayed positions, dampers to ground (Nuno)",
-    mutual=True,
 )
 four_channel = _plugin(
     "four_channel",

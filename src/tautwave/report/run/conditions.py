@@ -8,20 +8,16 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.laws.limit import AT_LIMIT, CLIPPED, RATE_LIMITED, STOPPED
+from tautwave.laws.limit import CLIPPED, RATE_LIMITED, STOPPED
 from tautwave.report.run.rundir import Run, block, engaged_rows
 from tautwave.report.units import count, number, plural
 
 Bits = npt.NDArray[np.int64]
 
-KEPT_BY = (
-    (re.compile(r"the effort_rate_limit of (\S+) is not reached"), RATE_LIMITED),
-    (re.compile(r"the coupling of (\S+) asks for no more than"), CLIPPED | AT_LIMIT),
-)
-"""A condition by how it begins, with the axis that it is about, and the bits that break it."""
-
-UNBROKEN = "no sample is lost and the host does not stall"
-"""A condition on the loop itself."""
+REACHED = re.compile(r"the effort_rate_limit of (\S+) is not reached")
+ASKED = re.compile(r"the coupling of (\S+) asks for no more than")
+WHOLE = re.compile(r"no sample of (\S+) is lost and the host does not stall")
+"""How the conditions begin that rows can tell, with the axis or pair that they are about."""
 
 
 def broken_conditions(run: Run) -> Iterator[str]:
@@ -29,26 +25,26 @@ def broken_conditions(run: Run) -> Iterator[str]:
     verdicts = block(run.summary, "certificate", "verdicts").values()
     found = [one for verdict in verdicts for one in block(verdict).get("conditions") or ()]
     for condition in dict.fromkeys(str(one) for one in found):
-        for pattern, bits in KEPT_BY:
-            begins = pattern.match(condition)
-            if begins is not None:
-                met, all_rows = met_rows(run, begins[1], bits)
-                if met:
-                    yield (
-                        f"The certificate holds if {condition}; in {count(met)} of "
-                        f"{count(all_rows)} cycles it was not so."
-                    )
-        if condition.startswith(UNBROKEN):
-            lost = sum(
-                int(number(block(axis).get("lost")) or 0)
-                for axis in block(run.summary, "axes").values()
-            )
-            missed = int(number(run.summary.get("missed_cycles")) or 0)
-            if lost or missed:
-                yield (
-                    f"The certificate holds if {condition}; {plural(lost, 'sample')} "
-                    f"and {plural(missed, 'cycle')} were lost."
-                )
+        how = _broken(run, condition)
+        if how:
+            yield f"The certificate holds if {condition.partition(';')[0]}; {how}."
+
+
+def _broken(run: Run, condition: str) -> str:
+    """Return how often a condition was not kept, as a clause; empty if it was, or nobody knows."""
+    rate, clip, whole = (one.match(condition) for one in (REACHED, ASKED, WHOLE))
+    axes, bits = [], 0
+    if rate is not None:
+        axes, bits = [rate[1]], RATE_LIMITED
+    elif clip is not None:
+        axes, bits = [f"{side}.{clip[1]}" for side in run.sides], CLIPPED
+    elif whole is not None:
+        lost = int(number(block(run.summary, "axes", whole[1]).get("lost")) or 0)
+        missed = int(number(run.summary.get("missed_cycles")) or 0)
+        if lost or missed:
+            return f"{plural(lost, 'sample')} of it and {plural(missed, 'cycle')} were lost"
+    met, acted = max((met_rows(run, axis, bits) for axis in axes), default=(0, 0))
+    return f"in {count(met)} of {count(acted)} cycles it was not so" if met else ""
 
 
 def limited_rows(run: Run, axis: str) -> Bits | None:

@@ -1,9 +1,10 @@
 """What the rows of a run say of the energy that its couplings generated, and what they claimed.
 
-Three rules. The *spring* of a law that is mutual: the greatest rise of its books beyond what the
-devices' damping could have taken (`report.coupled`). The *ends* of a pair with claims, each beside
-its own (`report.ends`). All else by its *sum*: what it gave since the start beyond that damping;
-of a scene what its held efforts gave, for what its network makes of itself is meant.
+Three rules. The *spring* of a law whose ends are those of one: the greatest rise of its books
+beyond what the devices' damping could have taken (`report.coupled`). The *ends* of a pair with
+claims, each beside its own (`report.ends`). All else by its *sum*: what it gave since the start
+beyond that damping; of a scene what its held efforts gave, for what its network makes of itself is
+meant.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from tautwave.analysis.rise import Floats, Rise, damping_work, surplus_of
 from tautwave.certificate.belief import SIDES, declared_delays
 from tautwave.config import Rig
-from tautwave.report.coupled import both_sampled, coupled_rise, is_mutual, stall_claim
+from tautwave.report.coupled import both_sampled, coupled_rise, is_spring, stall_claim
 from tautwave.report.run.rundir import Run
 from tautwave.report.units import quantity
 from tautwave.rig import axis_allowance, coupling_part, pair_scale
@@ -103,12 +104,12 @@ def judged_of(run: Run, rig: Rig) -> Iterator[Judged]:
         return
     if run.site is not None or coupling_part(rig).claim:
         return
-    mutual = is_mutual(rig)
+    spring = is_spring(rig)
     for pair in run.pairs:
-        found = coupled_rise(run, rig, pair) if mutual else summed_rise(run, rig, pair)
+        found = coupled_rise(run, rig, pair) if spring else summed_rise(run, rig, pair)
         if found is not None:
-            claim = stall_claim(rig, pair) if mutual else 0.0
-            yield Judged(f"coupling of {pair}", "spring" if mutual else "sum", found, claim)
+            claim = stall_claim(rig, pair) if spring else 0.0
+            yield Judged(f"coupling of {pair}", "spring" if spring else "sum", found, claim)
 
 
 def summed_rise(run: Run, rig: Rig, pair: str) -> Rise | None:
