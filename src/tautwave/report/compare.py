@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from tautwave.report.run.rundir import Run, block
 from tautwave.report.run.tables import Table
 from tautwave.report.run.verdicts import outcome, units_of, verdicts
 from tautwave.report.units import count, microseconds, number, plural, quantity, significant
+from tautwave.summary.markup import Markup
 
 Show = Callable[[Any], str]
 Line = tuple[str, Show, tuple[str, ...]]
@@ -67,33 +67,33 @@ def _labels(runs: tuple[Run, Run]) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Iterator[str]:
-    yield f"<h1>{escape(labels[0])} against {escape(labels[1])}</h1>"
-    yield '<div class="sides">'
+def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Iterator[Markup]:
+    yield Markup("<h1>{} against {}</h1>").format(labels[0], labels[1])
+    yield Markup('<div class="sides">')
     for run, label in zip(runs, labels, strict=True):
         ended = outcome(run)
-        yield f'<div><h3>{escape(label)}</h3><div class="top"><b>{escape(run.name)}</b>'
-        yield f"{badge(ended)}</div>"
-        yield "".join(f"<p>{escape(sentence)}</p>" for sentence in ended.sentences)
+        yield Markup('<div><h3>{}</h3><div class="top"><b>{}</b>').format(label, run.name)
+        yield Markup("{}</div>").format(badge(ended))
+        yield Markup("<p>{}</p>").each(ended.sentences)
         if run.notes:
             yield banner("This run is incomplete", run.notes, "note")
         yield from judged_banners(run)
-        yield verdict_rows(verdicts(run)) + "</div>"
-    yield "</div>"
-    yield "<h2>Differences between the rigs</h2>"
+        yield verdict_rows(verdicts(run)) + Markup("</div>")
+    yield Markup("</div>")
+    yield Markup("<h2>Differences between the rigs</h2>")
     yield _differences(_changes(runs[0].rig, runs[1].rig), labels)
     noise = _noise(runs)
     shared = [pair for pair in runs[0].pairs if pair in runs[1].pairs]
     for pair in shared:
-        yield f"<h2>Pair {escape(pair)}</h2>"
+        yield Markup("<h2>Pair {}</h2>").format(pair)
         yield table(_table(runs, labels, "Tracking", _tracking(runs[0], pair), RESOLVED))
         yield from _pictures(runs, labels, pair, folder)
         yield table(_table(runs, labels, "Energy of each element", _energies(runs, pair), noise))
     for run, label in zip(runs, labels, strict=True):
         alone = [pair for pair in run.pairs if pair not in shared]
         if alone:
-            yield f'<p class="note">Only in {escape(label)}: {escape(", ".join(alone))}.</p>'
-    yield "<h2>Books and timing</h2>"
+            yield Markup('<p class="note">Only in {}: {}.</p>').format(label, ", ".join(alone))
+    yield Markup("<h2>Books and timing</h2>")
     yield table(_table(runs, labels, "Books", _books(), noise))
     yield table(_table(runs, labels, "Timing", _times()))
     from tautwave.report.figures.compare import timing_overlay
@@ -101,22 +101,24 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
     figure = timing_overlay(runs, labels)
     if figure is not None:
         yield kept_picture(folder, "compare-timing", figure, "histograms of both runs")
-    yield "<h2>All differences between the summaries</h2>"
+    yield Markup("<h2>All differences between the summaries</h2>")
     yield _differences(_changes(_plain(runs[0].summary), _plain(runs[1].summary)), labels)
 
 
-def _differences(rows: list[tuple[str, str, str]], labels: tuple[str, str]) -> str:
+def _differences(rows: list[tuple[str, str, str]], labels: tuple[str, str]) -> Markup:
     if not rows:
-        return "<p>Nothing.</p>"
+        return Markup("<p>Nothing.</p>")
     made = table(Table("", ("key", *labels), tuple(rows)), "text")
     if len(rows) <= 15:
         return made
-    return f"<details><summary>{plural(len(rows), 'difference')}</summary>{made}</details>"
+    return Markup("<details><summary>{}</summary>{}</details>").format(
+        plural(len(rows), "difference"), made
+    )
 
 
 def _pictures(
     runs: tuple[Run, Run], labels: tuple[str, str], pair: str, folder: Path
-) -> Iterator[str]:
+) -> Iterator[Markup]:
     from tautwave.report.figures.compare import Overlay, column_of, energy_of, overlay_figure
 
     position, effort = units_of(runs[0], pair)

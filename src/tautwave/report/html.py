@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Iterator
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from tautwave.files import write_text
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.tables import Table
 from tautwave.report.run.verdicts import Verdict, generated, invalidated, warnings
+from tautwave.summary.markup import Markup
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -106,108 +106,114 @@ _MARKS = {
 }
 
 
-def page(title: str, body: Iterable[str]) -> str:
-    """A whole document, complete in one file."""
+def page(title: str, body: Iterable[object]) -> Markup:
+    """A whole document, complete in one file; what is no `Markup` in it is escaped."""
     policy = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'"
-    return "\n".join(
+    return Markup("\n").join(
         [
-            "<!DOCTYPE html>",
-            '<html lang="en">',
-            "<head>",
-            '<meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{escape(title)}</title>",
-            f"<style>{STYLE}{_DARK}</style>",
-            "</head>",
-            "<body>",
+            Markup("<!DOCTYPE html>"),
+            Markup('<html lang="en">'),
+            Markup("<head>"),
+            Markup('<meta charset="utf-8">'),
+            Markup('<meta http-equiv="Content-Security-Policy" content="{}">').format(policy),
+            Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+            Markup("<title>{}</title>").format(title),
+            Markup("<style>{}{}</style>").format(Markup(STYLE), Markup(_DARK)),
+            Markup("</head>"),
+            Markup("<body>"),
             *body,
-            "</body>",
-            "</html>",
+            Markup("</body>"),
+            Markup("</html>"),
             "",
         ]
     )
 
 
-def picture(drawn: str, caption: str = "") -> str:
+def picture(drawn: str, caption: str = "") -> Markup:
     """A figure's SVG inside the page; it carries its own description for screen readers."""
-    return f"<figure>{drawn}{_under(caption)}</figure>"
+    return Markup("<figure>{}{}</figure>").format(Markup(drawn), _under(caption))
 
 
-def image(data: bytes, kind: str, alt: str, caption: str = "", dark: bytes = b"") -> str:
+def image(data: bytes, kind: str, alt: str, caption: str = "", dark: bytes = b"") -> Markup:
     """A PNG or a GIF inside the page, and its dark counterpart.
 
     Without one the browser inverts lightness and keeps the hues approximately.
     """
-    other = ""
+    other = Markup()
     if dark:
-        media = f' media="{DARK_QUERY}"'
-        other = f'<source{media} srcset="{_inside(dark, f"image/{kind}")}">'
+        media = Markup(' media="{}"').format(DARK_QUERY)
+        other = Markup('<source{} srcset="{}">').format(media, _inside(dark, f"image/{kind}"))
     looks = "drawn" if dark else "drawn turned"
-    shown = f'<img class="{looks}" src="{_inside(data, f"image/{kind}")}" alt="{escape(alt)}">'
-    return f"<figure><picture>{other}{shown}</picture>{_under(caption)}</figure>"
+    shown = Markup('<img class="{}" src="{}" alt="{}">').format(
+        looks, _inside(data, f"image/{kind}"), alt
+    )
+    return Markup("<figure><picture>{}{}</picture>{}</figure>").format(
+        other, shown, _under(caption)
+    )
 
 
-def sound(data: bytes, label: str) -> str:
+def sound(data: bytes, label: str) -> Markup:
     """A WAV file inside the page, with the browser's controls."""
     source = _inside(data, "audio/wav")
-    return f'<audio controls preload="none" src="{source}" aria-label="{escape(label)}"></audio>'
+    return Markup('<audio controls preload="none" src="{}" aria-label="{}"></audio>').format(
+        source, label
+    )
 
 
 def _inside(data: bytes, kind: str) -> str:
     return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
-def _under(caption: str) -> str:
-    return f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
+def _under(caption: str) -> Markup:
+    return Markup("<figcaption>{}</figcaption>").format(caption) if caption else Markup()
 
 
-def table(content: Table, kind: str = "") -> str:
+def table(content: Table, kind: str = "") -> Markup:
     """A table, or nothing if it has no rows; `kind` is `text` for prose in every column."""
     if not content.rows:
-        return ""
+        return Markup()
     text_columns = [
         i for i in range(len(content.head)) if content.head[i] in ("what it is", "faults", "why")
     ]
 
-    def cells(row: tuple[str, ...], tag: str) -> str:
-        return "".join(
-            f"<{tag}{' class=' + chr(34) + 'text' + chr(34) if i in text_columns else ''}>"
-            f"{escape(cell)}</{tag}>"
+    def cells(row: tuple[str, ...], tag: str) -> Markup:
+        return Markup().join(
+            Markup("<{}{}>{}</{}>").format(
+                tag, Markup(' class="text"') if i in text_columns else "", cell, tag
+            )
             for i, cell in enumerate(row)
         )
 
-    rows = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in content.rows)
-    note = f'<p class="note">{escape(content.note)}</p>' if content.note else ""
-    style = f' class="{kind}"' if kind else ""
-    caption = f"<caption>{escape(content.title)}</caption>" if content.title else ""
-    return (
-        f'<div class="wide"><table{style}>{caption}'
-        f"<thead><tr>{cells(content.head, 'th')}</tr></thead>"
-        f"<tbody>{rows}</tbody></table></div>{note}"
-    )
+    rows = Markup("\n").join(Markup("<tr>{}</tr>").format(cells(row, "td")) for row in content.rows)
+    note = Markup('<p class="note">{}</p>').format(content.note) if content.note else Markup()
+    style = Markup(' class="{}"').format(kind) if kind else Markup()
+    caption = Markup("<caption>{}</caption>").format(content.title) if content.title else Markup()
+    return Markup(
+        '<div class="wide"><table{}>{}<thead><tr>{}</tr></thead><tbody>{}</tbody></table></div>{}'
+    ).format(style, caption, cells(content.head, "th"), rows, note)
 
 
-def verdict_rows(found: Iterable[Verdict]) -> str:
+def verdict_rows(found: Iterable[Verdict]) -> Markup:
     """The verdicts, each with its status as text and colour."""
     rows = []
     for topic, status, sentences in found:
         mark = "not yet evaluated" if topic == "Certificate" and status == "open" else None
-        text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
+        text = Markup("<p>{}</p>").each(sentences)
         rows.append(
-            f'<div class="verdict"><b>{escape(topic)}</b>'
-            f'<span class="mark {status}">{mark or _MARKS[status]}</span><div>{text}</div></div>'
+            Markup(
+                '<div class="verdict"><b>{}</b><span class="mark {}">{}</span><div>{}</div></div>'
+            ).format(topic, status, mark or _MARKS[status], text)
         )
-    return f'<div class="verdicts">{"".join(rows)}</div>'
+    return Markup('<div class="verdicts">{}</div>').format(Markup().join(rows))
 
 
-def banner(title: str, sentences: Iterable[str], status: str) -> str:
+def banner(title: str, sentences: Iterable[str], status: str) -> Markup:
     """A prominent box."""
-    text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
-    return f'<div class="banner {status}"><b>{escape(title)}</b>{text}</div>'
+    text = Markup("<p>{}</p>").each(sentences)
+    return Markup('<div class="banner {}"><b>{}</b>{}</div>').format(status, title, text)
 
 
-def judged_banners(run: Run) -> Iterator[str]:
+def judged_banners(run: Run) -> Iterator[Markup]:
     """Yield what a run's measurements broke, in red, and what it has to be warned of."""
     if invalidated(run):
         title = "What this run measured invalidates its certificate"
@@ -219,21 +225,21 @@ def judged_banners(run: Run) -> Iterator[str]:
         yield banner("Warnings", warned, "note")
 
 
-def badge(found: Verdict) -> str:
+def badge(found: Verdict) -> Markup:
     """The outcome as a coloured word."""
-    return f'<span class="badge {found.status}">{escape(found.topic)}</span>'
+    return Markup('<span class="badge {}">{}</span>').format(found.status, found.topic)
 
 
-def details(title: str, text: str) -> str:
+def details(title: str, text: str) -> Markup:
     """Long text that opens on a click, without any script."""
-    return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"
+    return Markup("<details><summary>{}</summary><pre>{}</pre></details>").format(title, text)
 
 
-def folded(title: str, parts: Iterable[str]) -> Iterable[str]:
+def folded(title: str, parts: Iterable[Markup]) -> Iterable[Markup]:
     """Parts of a page that open on a click."""
-    yield f"<details><summary>{escape(title)}</summary>"
+    yield Markup("<details><summary>{}</summary>").format(title)
     yield from parts
-    yield "</details>"
+    yield Markup("</details>")
 
 
 def anchor(text: str) -> str:
@@ -246,7 +252,7 @@ def file_stem(name: str) -> str:
     return "".join(c if c.isascii() and c.isalnum() else "-" for c in name)
 
 
-def kept_picture(folder: Path, name: str, figure: Figure, alt: str) -> str:
+def kept_picture(folder: Path, name: str, figure: Figure, alt: str) -> Markup:
     """A figure for the page that is kept as `name`.svg in `folder` as well."""
     drawn = svg(figure, name, alt)
     write_text(folder / f"{name}.svg", alone(drawn))

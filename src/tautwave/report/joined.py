@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ from tautwave.report.run.rebuild import element_books
 from tautwave.report.run.rundir import Run, block, kind_of, pair_settings
 from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity, ratio
+from tautwave.summary.markup import Markup
 
 SIDES = ("master", "slave")
 STEP = 0.05
@@ -248,17 +248,20 @@ def joined_page(master: Run, slave: Run, found: dict[str, Any], folder: Path) ->
     return page(title, _body(master, slave, found, folder))
 
 
-def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Iterator[str]:
-    yield f"<h1>{escape(master.name)}: both sites</h1>"
+def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Iterator[Markup]:
+    yield Markup("<h1>{}: both sites</h1>").format(master.name)
     names = " and ".join(str(run.directory.resolve().name) for run in (master, slave))
     many = "" if len(found["sessions"]) == 1 else "s"
     yield (
-        f'<p class="soft">{escape(names)}, joined by slot: {found["slots"]} slots of '
-        f"{len(found['sessions'])} common session{many} ({escape(', '.join(found['sessions']))})."
-        " Each site's times count from the start of its own run.</p>"
+        Markup(
+            '<p class="soft">{}, joined by slot: {} slots of {} common session{} ({'
+            "}). Each site's times count from the start of its own run.</p>"
+        ).format(names, found["slots"], len(found["sessions"]), many, ", ".join(found["sessions"]))
     )
     if not found["same_rig"]:
-        yield '<p class="note">Keys that must match on both sites differ in the summaries.</p>'
+        yield Markup(
+            '<p class="note">Keys that must match on both sites differ in the summaries.</p>'
+        )
     rows = []
     for pair, books in found["pairs"].items():
         unit, _ = axis_units(books["kind"])
@@ -313,7 +316,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
         if figure is not None:
             yield kept_picture(folder, f"joined-{file_stem(pair)}", figure, f"tracking of {pair}")
     for run, side in zip((master, slave), SIDES, strict=True):
-        yield f"<h2>{side}</h2>"
+        yield Markup("<h2>{}</h2>").format(side)
         yield from judged_banners(run)
         yield table(session_table(run), "text")
 

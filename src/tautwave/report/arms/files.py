@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from tautwave.report.html import image
 from tautwave.report.run.parts import File, Part, Still
 from tautwave.report.run.rundir import Run
+from tautwave.summary.markup import Markup
 
 FILE = "arms.gif"
 
@@ -41,7 +42,7 @@ def arm_parts(run: Run) -> Iterator[Part]:
     view = view_arms(run)
     if view is None:
         return
-    yield '<h2 id="arms">Arms</h2>'
+    yield Markup('<h2 id="arms">Arms</h2>')
     caption = "The arms where most force was at their tips"
     if not any(arm.forces for arm in view.arms):
         caption = "The arms where the leader reaches farthest"
@@ -49,6 +50,6 @@ def arm_parts(run: Run) -> Iterator[Part]:
     yield Still("arms-still", arms_still(view, False), arms_still(view, True), alt, f"{caption}.")
     moving = run.directory / FILE
     if moving.is_file():
-        yield "<details><summary>The arms, moving</summary>"
+        yield Markup("<details><summary>The arms, moving</summary>")
         yield File(moving, lambda data: image(data, "gif", "the arms, moving"), "The arms, moving")
-        yield "</details>"
+        yield Markup("</details>")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from html import escape
 from pathlib import Path
 
 from tautwave.canvas import Style, paper, styled
@@ -24,6 +23,7 @@ from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_p
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import outcome, uncertified, verdicts
 from tautwave.report.units import plural, quantity
+from tautwave.summary.markup import Markup
 
 PAGE = "report.html"
 
@@ -42,10 +42,10 @@ def write_page(run: Run) -> Path:
     Path
         Of the page: one file, no script, nothing from the network.
     """
-    parts: list[str] = []
+    parts: list[Markup] = []
     spent = 0
     for part in _body(run):
-        if isinstance(part, str):
+        if isinstance(part, Markup):
             parts.append(part)
             continue
         size, inside = part.keep(run.directory)
@@ -106,7 +106,7 @@ def _motion(run: Run) -> Iterator[Part]:
 
 def _operation(run: Run) -> Iterator[Part]:
     if "operation" in run.summary:
-        yield '<h2 id="operation">Operation</h2>'
+        yield Markup('<h2 id="operation">Operation</h2>')
         yield table(episode_table(run), "text")
         yield table(journal_table(run), "text")
 
@@ -118,14 +118,14 @@ def _arms(run: Run) -> Iterator[Part]:
         yield from arm_parts(run)
 
 
-def _head(run: Run) -> Iterator[str]:
+def _head(run: Run) -> Iterator[Markup]:
     ended = outcome(run)
-    yield f'<header><div class="top"><h1>{escape(run.name)}</h1>{badge(ended)}</div>'
-    yield f'<p class="soft">{escape(_subtitle(run))}</p></header>'
+    yield Markup('<header><div class="top"><h1>{}</h1>{}</div>').format(run.name, badge(ended))
+    yield Markup('<p class="soft">{}</p></header>').format(_subtitle(run))
     if ended.status == "bad":
         yield banner(ended.topic.capitalize(), ended.sentences, "bad")
     else:
-        yield "".join(f"<p>{escape(sentence)}</p>" for sentence in ended.sentences)
+        yield Markup("<p>{}</p>").each(ended.sentences)
     if uncertified(run):
         title = "This rig ran without a certificate (--allow-uncertified)"
         yield banner(title, uncertified(run), "bad")
@@ -145,7 +145,9 @@ def _head(run: Run) -> Iterator[str]:
         ("Used and unused elements", "contents"),
         ("Rig and reproduction", "reproduce"),
     ]
-    yield "<nav>" + " ".join(f'<a href="#{to}">{escape(t)}</a>' for t, to in links) + "</nav>"
+    yield Markup("<nav>{}</nav>").format(
+        Markup(" ").join(Markup('<a href="#{}">{}</a>').format(to, t) for t, to in links)
+    )
 
 
 def _subtitle(run: Run) -> str:
@@ -165,45 +167,47 @@ def _subtitle(run: Run) -> str:
     return " · ".join(parts)
 
 
-def _link(run: Run) -> Iterator[str]:
+def _link(run: Run) -> Iterator[Markup]:
     if run.site is not None:
         from tautwave.report.joined import session_table
 
-        yield '<h2 id="link">Other site</h2>'
+        yield Markup('<h2 id="link">Other site</h2>')
         yield table(session_table(run), "text")
 
 
-def _books(run: Run) -> Iterator[str]:
-    yield '<h2 id="books">Energy books</h2>'
+def _books(run: Run) -> Iterator[Markup]:
+    yield Markup('<h2 id="books">Energy books</h2>')
     yield table(tables.claim_table(run))
     yield table(tables.books_table(run))
     yield table(tables.element_table(run))
     yield table(tables.plant_table(run))
 
 
-def _precision(run: Run) -> Iterator[str]:
+def _precision(run: Run) -> Iterator[Markup]:
     from tautwave.report.precision.table import precision_sentences, precision_tables
 
-    yield '<h2 id="precision">Precision</h2>'
+    yield Markup('<h2 id="precision">Precision</h2>')
     sentences = list(precision_sentences(run))
     for sentence in sentences or ["Not computed for this run."]:
-        yield f'<p class="soft">{escape(sentence)}</p>'
+        yield Markup('<p class="soft">{}</p>').format(sentence)
     for content in precision_tables(run):
         yield table(content)
 
 
 def _certificate(run: Run) -> Iterator[Part]:
-    yield '<h2 id="certificate">Certificate</h2>'
+    yield Markup('<h2 id="certificate">Certificate</h2>')
     made = certificate_picture(run)
-    yield f'<p class="note">{escape(made)}</p>' if isinstance(made, str) else made
+    yield made if isinstance(made, Picture) else Markup('<p class="note">{}</p>').format(made)
 
 
 def _timing(run: Run) -> Iterator[Part]:
-    yield '<h2 id="timing">Timing</h2>'
+    yield Markup('<h2 id="timing">Timing</h2>')
     if run.summary.get("clock") == "fake":
         yield (
-            '<p class="note">This loop ran on the simulated clock: no cycle can be late, '
-            "so there is nothing to draw.</p>"
+            Markup(
+                '<p class="note">This loop ran on the simulated clock: no cycle can be late, '
+                "so there is nothing to draw.</p>"
+            )
         )
     elif run.rows:
         from tautwave.report.figures.books import timing_figure
@@ -213,55 +217,58 @@ def _timing(run: Run) -> Iterator[Part]:
             alt = "histograms of period, lateness and compute time, and the slow cycles in time"
             yield Picture("timing", figure, alt)
     both = (table(tables.timing_table(run)), table(tables.loop_table(run)))
-    yield f'<div class="columns"><div>{both[0]}</div><div>{both[1]}</div></div>'
+    yield Markup('<div class="columns"><div>{}</div><div>{}</div></div>').format(both[0], both[1])
     sentences = run.summary.get("realtime")
     if isinstance(sentences, list) and sentences:
-        yield "<h3>What the machine permitted</h3><ul>"
-        yield "".join(f"<li>{escape(str(sentence))}</li>" for sentence in sentences) + "</ul>"
+        yield Markup("<h3>What the machine permitted</h3><ul>")
+        yield Markup("<li>{}</li>").each(sentences) + Markup("</ul>")
 
 
-def _axes(run: Run) -> Iterator[str]:
-    yield '<h2 id="axes">Axes</h2>'
-    yield table(tables.axis_table(run)) or '<p class="note">No counts were recorded.</p>'
+def _axes(run: Run) -> Iterator[Markup]:
+    yield Markup('<h2 id="axes">Axes</h2>')
+    yield table(tables.axis_table(run)) or Markup('<p class="note">No counts were recorded.</p>')
     yield table(tables.watch_table(run), "text")
     yield table(tables.way_table(run), "text")
     yield from _buses(run)
 
 
-def _buses(run: Run) -> Iterator[str]:
+def _buses(run: Run) -> Iterator[Markup]:
     """What each driver found, wrote and read back before enabling."""
     buses = run.summary.get("buses")
     for name, found in buses.items() if isinstance(buses, dict) else ():
         notes = found.get("notes") if isinstance(found, dict) else None
         if not isinstance(notes, list) or not notes:
             continue
-        yield f"<h3>Bus {escape(str(name))}: found and set before enabling</h3><ul>"
-        yield "".join(f"<li>{escape(str(note))}</li>" for note in notes) + "</ul>"
+        yield Markup("<h3>Bus {}: found and set before enabling</h3><ul>").format(name)
+        yield Markup("<li>{}</li>").each(notes) + Markup("</ul>")
 
 
-def _contents(run: Run) -> Iterator[str]:
-    yield '<h2 id="contents">Used and unused elements</h2>'
+def _contents(run: Run) -> Iterator[Markup]:
+    yield Markup('<h2 id="contents">Used and unused elements</h2>')
     both = (
         table(tables.included_table(run), "text"),
-        table(tables.left_out_table(run), "text") or '<p class="note">All elements are used.</p>',
+        table(tables.left_out_table(run), "text")
+        or Markup('<p class="note">All elements are used.</p>'),
     )
-    yield f'<div class="columns"><div>{both[0]}</div><div>{both[1]}</div></div>'
+    yield Markup('<div class="columns"><div>{}</div><div>{}</div></div>').format(both[0], both[1])
 
 
-def _reproduce(run: Run) -> Iterator[str]:
+def _reproduce(run: Run) -> Iterator[Markup]:
     summary = run.summary
-    yield '<h2 id="reproduce">Rig and reproduction</h2>'
+    yield Markup('<h2 id="reproduce">Rig and reproduction</h2>')
     command = summary.get("command") or run.metadata.get("command")
-    yield "<p>Command of this run:</p>"
-    yield f"<pre>{escape(str(command or 'not recorded'))}</pre>"
-    yield "<p>The same run from its own resolved rig, and this page again:</p>"
-    folder = escape(run.directory.name or str(run.directory))
+    yield Markup("<p>Command of this run:</p>")
+    yield Markup("<pre>{}</pre>").format(command or "not recorded")
+    yield Markup("<p>The same run from its own resolved rig, and this page again:</p>")
+    folder = run.directory.name or str(run.directory)
     clock = " --clock fake" if summary.get("clock") == "fake" else tables.simulated_by(run)
-    yield f"<pre>tautwave run {folder}/rig.yaml{clock}\ntautwave report {folder}</pre>"
+    yield Markup("<pre>tautwave run {}/rig.yaml{}\ntautwave report {}</pre>").format(
+        folder, clock, folder
+    )
     version = summary.get("version") or run.metadata.get("version")
     versions = [f"tautwave {version}" if version else "version not recorded"]
     for name, value in (summary.get("versions") or {}).items():
         versions.append(f"{name} {value}")
-    yield f'<p class="soft">{escape(", ".join(versions))}</p>'
+    yield Markup('<p class="soft">{}</p>').format(", ".join(versions))
     if run.rig_text:
         yield details("The resolved rig, rig.yaml", run.rig_text)

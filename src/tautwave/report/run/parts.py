@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,6 +15,7 @@ from tautwave.report.run.rundir import Run, block
 from tautwave.report.run.verdicts import describe_pair, units_of
 from tautwave.report.run.views import EnergyView, PairView, view_energy, view_pair
 from tautwave.report.units import plural, quantity
+from tautwave.summary.markup import Markup
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,16 +29,16 @@ class Picture(NamedTuple):
     alt: str
     caption: str = ""
 
-    def keep(self, directory: Path) -> tuple[int, Callable[[], str]]:
+    def keep(self, directory: Path) -> tuple[int, Callable[[], Markup]]:
         """Write the file; return its size, and a function that makes its HTML."""
         drawn = svg(self.figure, self.name, self.alt)
         write_text(directory / f"{self.name}.svg", alone(drawn))
         return len(drawn), lambda: picture(drawn, self.caption)
 
-    def beside(self) -> str:
+    def beside(self) -> Markup:
         """Return the note in the page if the figure is too large for it."""
         note = f"{self.alt}: too large for this page, in {self.name}.svg beside it."
-        return f'<p class="note">{escape(note)}</p>'
+        return Markup('<p class="note">{}</p>').format(note)
 
 
 class Still(NamedTuple):
@@ -50,45 +50,46 @@ class Still(NamedTuple):
     alt: str
     caption: str
 
-    def keep(self, directory: Path) -> tuple[int, Callable[[], str]]:
+    def keep(self, directory: Path) -> tuple[int, Callable[[], Markup]]:
         """Write the file; return its size in the page, and a function that makes its HTML."""
         write_bytes(directory / f"{self.name}.png", self.light)
         size = 4 * (len(self.light) + len(self.dark)) // 3
         return size, lambda: image(self.light, "png", self.alt, self.caption, self.dark)
 
-    def beside(self) -> str:
+    def beside(self) -> Markup:
         """Return the note in the page if the drawing is too large for it."""
-        return f'<p class="note">{escape(self.alt)}: in {self.name}.png next to this page.</p>'
+        return Markup('<p class="note">{}: in {}.png next to this page.</p>').format(
+            self.alt, self.name
+        )
 
 
 class File(NamedTuple):
     """A file of the run's directory, shown inside the page and linked."""
 
     path: Path
-    show: Callable[[bytes], str]
+    show: Callable[[bytes], Markup]
     caption: str
 
-    def keep(self, _directory: Path) -> tuple[int, Callable[[], str]]:
+    def keep(self, _directory: Path) -> tuple[int, Callable[[], Markup]]:
         """Return its size in the page, and a function that makes its HTML."""
         data = self.path.read_bytes()
         return 4 * len(data) // 3, lambda: self.show(data) + self._link("also as")
 
-    def beside(self) -> str:
+    def beside(self) -> Markup:
         """Return a link if the file is too large for the page."""
         return self._link("in")
 
-    def _link(self, word: str) -> str:
-        name = escape(self.path.name)
-        return (
-            f'<p class="note">{escape(self.caption)}, {word} <a href="{name}">{name}</a> '
-            "next to this page.</p>"
+    def _link(self, word: str) -> Markup:
+        name = self.path.name
+        return Markup('<p class="note">{}, {} <a href="{}">{}</a> next to this page.</p>').format(
+            self.caption, word, name, name
         )
 
 
 FOLDED = 15
 """Rows above which a scene's account is folded."""
 
-Part = str | Picture | Still | File
+Part = Markup | Picture | Still | File
 
 
 def pair_parts(run: Run) -> Iterator[Part]:
@@ -96,16 +97,16 @@ def pair_parts(run: Run) -> Iterator[Part]:
     views = [view_pair(run, pair) for pair in run.pairs]
     if len(views) < 2:
         for view in views:
-            yield f'<h2 id="{anchor(view.name)}">Pair {escape(view.name)}</h2>'
+            yield Markup('<h2 id="{}">Pair {}</h2>').format(anchor(view.name), view.name)
             yield from _pair(run, view)
         return
-    yield '<h2 id="pairs">Pairs</h2>'
+    yield Markup('<h2 id="pairs">Pairs</h2>')
     yield from _overview(run, views)
     for view in views:
-        yield f'<h3 id="{anchor(view.name)}">Pair {escape(view.name)}</h3>'
-        yield f"<details><summary>{escape(_summary(run, view.name))}</summary>"
+        yield Markup('<h3 id="{}">Pair {}</h3>').format(anchor(view.name), view.name)
+        yield Markup("<details><summary>{}</summary>").format(_summary(run, view.name))
         yield from _pair(run, view)
-        yield "</details>"
+        yield Markup("</details>")
 
 
 def _overview(run: Run, views: list[PairView]) -> Iterator[Part]:
@@ -120,7 +121,7 @@ def _overview(run: Run, views: list[PairView]) -> Iterator[Part]:
     flat = [view.name for view in views if is_flat(view)]
     if flat:
         note = f"Not shown, because nothing moved and nothing was transmitted: {', '.join(flat)}."
-        yield f'<p class="note">{escape(note)}</p>'
+        yield Markup('<p class="note">{}</p>').format(note)
 
 
 def _summary(run: Run, pair: str) -> str:
@@ -140,7 +141,7 @@ def _pair(run: Run, view: PairView) -> Iterator[Part]:
 
     name = view.name
     stem = anchor(name).removeprefix("part-")
-    yield f'<p class="soft">{escape(describe_pair(run, name))}</p>'
+    yield Markup('<p class="soft">{}</p>').format(describe_pair(run, name))
     if run.rows == 0:
         return
     offset = "" if "expected" not in view.lines else view.wording.offset_caption
@@ -167,13 +168,13 @@ def _pair(run: Run, view: PairView) -> Iterator[Part]:
     flat = [*view.flat, *energy.flat]
     if flat:
         note = f"Not shown, because it stays constant: {', '.join(flat)}."
-        yield f'<p class="note">{escape(note)}</p>'
+        yield Markup('<p class="note">{}</p>').format(note)
 
 
-def _contacts(run: Run, view: PairView) -> Iterator[str]:
+def _contacts(run: Run, view: PairView) -> Iterator[Markup]:
     made = [table(content) for content in tables.contact_table(view)]
     if made:
-        yield f'<div class="columns">{"".join(f"<div>{part}</div>" for part in made)}</div>'
+        yield Markup('<div class="columns">{}</div>').format(Markup("<div>{}</div>").each(made))
         return
     known = [f"true.slave.{view.name}.environment_effort"]
     known += [f"{side}.{view.name}.wall_effort" for side in ("slave", "master")]
@@ -186,19 +187,19 @@ def _contacts(run: Run, view: PairView) -> Iterator[str]:
             "Contacts cannot be determined: the recording holds neither the true environment "
             "nor a virtual wall."
         )
-    yield f'<p class="note">{note}</p>'
+    yield Markup('<p class="note">{}</p>').format(note)
 
 
 def scene_parts(run: Run) -> Iterator[Part]:
     """Yield the figure of a scene, a still, its animation and sound, and its account."""
-    yield '<h2 id="scene">Scene</h2>'
+    yield Markup('<h2 id="scene">Scene</h2>')
     from tautwave.report.scene.files import shown
 
     seen = shown(run)
     if seen is None:
-        yield '<p class="note">The scene was not recorded.</p>'
+        yield Markup('<p class="note">The scene was not recorded.</p>')
         return
-    yield f'<p class="soft">{escape(seen.summary)}</p>'
+    yield Markup('<p class="soft">{}</p>').format(seen.summary)
     yield Picture("scene", seen.figure(), "positions, efforts and energies of the scene")
     caption = "The scene at the largest force on the device."
     yield Still("scene-still", seen.still(False), seen.still(True), "the scene, drawn", caption)
@@ -215,9 +216,9 @@ def _files(directory: Path) -> Iterator[Part]:
     moving, heard = directory / "scene.gif", directory / "output.wav"
     if moving.is_file():
         alt = "the scene, moving"
-        yield "<details><summary>The scene, moving</summary>"
+        yield Markup("<details><summary>The scene, moving</summary>")
         yield File(moving, lambda data: image(data, "gif", alt), "The scene, moving")
-        yield "</details>"
+        yield Markup("</details>")
     if heard.is_file():
         label = "Sound: the force on the device, high-passed"
         yield File(heard, lambda data: sound(data, label), label)
