@@ -53,6 +53,7 @@ def test_a_run_that_generated_energy_is_exit_code_3_with_both_numbers(
     assert "Its energy is judged by what its spring holds" in page
 
 
+@pytest.mark.slow
 def test_the_same_run_with_every_sample_is_exit_code_0(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -65,6 +66,7 @@ def test_the_same_run_with_every_sample_is_exit_code_0(
     assert "certificate passive conditional Timing" in " ".join(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_a_safety_stop_outranks_it_and_the_sentence_is_there_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
