@@ -128,7 +128,10 @@ PLACES = {
     "operated": "an operated rig, which then holds",
     "link": "a simulated network between the sides",
     "sites": "two sites",
+    "slow": "the bus of the slave on a `divisor`",
+    "operated sites": "two operated sites",
 }
+SITES = ("sites", "operated sites")
 ENGINES = ("python", "compiled", "simulate")
 
 
@@ -169,22 +172,33 @@ NOT_THERE: tuple[tuple[dict[str, tuple[Any, ...]], str], ...] = (
     ({"kind": tuple(KINDS)[1:], "failure": (FED,)}, "no sensor of it feeds a law"),
     ({"kind": OWN, "place": tuple(PLACES)[1:]}, "it has one side, and nobody operates it"),
     (
-        {"kind": TIPS, "place": ("link", "sites")},
+        {"place": ("slow",), "law": tuple(LAWS)[1:]},
+        "this law needs buses that are served each cycle",
+    ),
+    (
+        {"kind": TIPS, "place": ("link", *SITES, "slow")},
         "to the controller it is an effort or a velocity axis: see there",
     ),
-    ({"kind": ("follower",), "place": ("sites",)}, "to the controller it is a velocity axis"),
     (
-        {"place": ("sites",), "failure": ("lost",)},
+        {"kind": ("follower",), "place": (*SITES, "slow")},
+        "to the controller it is a velocity axis",
+    ),
+    (
+        {"place": SITES, "failure": ("lost",)},
         "its loop leaves before it asks the controller: as in an ordinary run",
     ),
     (
-        {"place": ("sites",), "account": (False,), "law": tuple(LAWS)[1:]},
+        {"place": SITES, "account": (False,), "law": tuple(LAWS)[1:]},
         "without an account this law runs in one process only",
     ),
-    ({"kind": ("velocity",), "place": ("sites",)}, "as with a simulated network"),
+    ({"kind": ("velocity",), "place": SITES}, "as with a simulated network"),
+    (
+        {"place": ("operated sites",), "law": tuple(LAWS)[2:]},
+        "in an account a hold asks no law: as `position`",
+    ),
     ({"kind": ("excited",), "engine": ("compiled",)}, "`identify` runs in plain Python"),
     (
-        {"place": ("operated", "sites"), "engine": ("compiled", "simulate")},
+        {"place": ("operated", *SITES), "engine": ("compiled", "simulate")},
         "operated rigs and sites run in plain Python",
     ),
     (
@@ -244,7 +258,7 @@ def stops_page() -> str:
         *(f"| {rule} | {text} |" for rule, text in RULES.items()),
         "",
         "Without a sample an axis first **keeps** its last command, for fewer than "
-        "`loop.missing_limit` of its periods; slots that a stalled",
+        "`loop.missing_limit` of its periods, those of its bus; slots that a stalled",
         'host skipped count. A gap shorter than that is no stop. Where the stop begins "at once" '
         "nothing is kept. An axis in a stop that",
         "loses its samples later lets go, or stands, from that cycle on.",
@@ -262,7 +276,8 @@ def stops_page() -> str:
         "not move get nothing, as before. Where the driver of a bus raises an error, all leave. "
         "An operated rig does not end but holds:",
         "its axes are sent the same, under a ceiling that stays, and damping ends with the joules "
-        "of the hold. Coordinates of a tip are",
+        "of the hold. At two sites the other one holds as soon as it hears of the stop, and its "
+        "axis is sent what that says. Coordinates of a tip are",
         "unseen together, whatever one of its joints lacks; where a joint is in fault, no joint is "
         "sent anything of the tip's effort.",
         "",

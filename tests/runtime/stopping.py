@@ -52,6 +52,9 @@ SIDE: Tree = {
 FAILS = 0.18
 """When something fails [s]: the hand moves, and both sides push."""
 
+SLOW = 4
+"""`divisor` of a slow bus."""
+
 LATER = 0.25
 """[s] By how much an operated rig is later: it engages first."""
 
@@ -136,6 +139,8 @@ def rig_for(kind: str, law: str, *, account: bool, place: str, engine: str) -> R
     if place == "link":
         data["link"] = LINK
         data["coupling"].pop("delay_s", None)
+    if place == "slow":
+        data["buses"]["arm"]["divisor"] = SLOW
     if place == "operated":
         data["operate"] = {"start": "engaged"}
         data["duration_s"] += LATER
@@ -169,7 +174,7 @@ def tip_tree(kind: str, law: str, *, account: bool) -> Tree:
 
 
 class Failing:
-    """Has a driver fail, as `failure` of `docs/_tools/stops.py` says, `since()` slots ago."""
+    """Has a driver fail, as `failure` of `docs/_tools/stops.py` says, `since()` periods ago."""
 
     def __init__(self, driver: Any, failure: str, since: Callable[[], int], axis: str) -> None:
         self.failure = failure
@@ -256,7 +261,8 @@ def fail(rig: Rig, failure: str, axis: str, *, excited: bool = False) -> Done:
             names = [joint.name for joint in bus.driver._joints]  # type: ignore[attr-defined]
             log_writes(inner, names, clock, period, joints)
             who = names[0]
-        Failing(inner, failure, lambda: clock.now_ns() // period - slot, who)
+        own = period * bus.divisor
+        Failing(inner, failure, lambda at=own: (clock.now_ns() - slot * period) // at, who)
     sink = ListSink(len(built.columns))
     result = Loop(built.clock, built.buses, built.control, built.sources, sink).run()
     rows = dict(zip(built.columns, np.array(sink.rows).T, strict=True))
@@ -294,8 +300,33 @@ class Axis(NamedTuple):
 def axis_of(rig: Rig, name: str) -> Axis:
     """Return it from the keys of the rig."""
     axis = rig.axes[name]
-    step = (axis.effort_rate_limit or math.inf) * rig.period_s
+    step = (axis.effort_rate_limit or math.inf) * rig.period_s * rig.axis_divisor(name)
     return Axis(axis.causality == "impedance", axis.effort_limit, step, axis.damping.lower)
+
+
+def is_served(
+    rig: Rig, rows: Mapping[str, np.ndarray[Any, np.dtype[np.float64]]], name: str, row: int
+) -> bool:
+    """Return whether an axis is read and written in a row: in the last slot of its bus' period."""
+    return round(rows["time_s"][row] * rig.rate_hz + 1) % rig.axis_divisor(name) == 0
+
+
+def stop_row(
+    rig: Rig,
+    rows: Mapping[str, np.ndarray[Any, np.dtype[np.float64]]],
+    name: str,
+    first: int,
+    begins: int,
+) -> int:
+    """Return the row in which an axis has been without a sample for so many of its periods."""
+    n = rig.axis_divisor(name)
+    slots = np.rint(rows["time_s"] * rig.rate_hz).astype(int)
+    before = (int(slots[first - 1]) + 1) // n
+    return next(
+        k
+        for k in range(first, len(slots))
+        if is_served(rig, rows, name, k) and (int(slots[k]) + 1) // n - before >= begins
+    )
 
 
 def should_be(
@@ -336,8 +367,15 @@ def wrong(
     release = round((rig.coupling if rig.scene is None else rig.scene).release_ramp_s * rig.rate_hz)
     over = round(rig.duration_s * rig.rate_hz)
     last, unseen, waited, end = float(sent[first - 1]), 0, 0, -1
+    n = rig.axis_divisor(name)
+    served = (int(slots[first - 1]) + 1) // n
     for k in range(first, len(sent)):
-        passed = 1 + int(rows["skipped_slots"][k])
+        if not is_served(rig, rows, name, k):
+            if sent[k] != sent[k - 1]:
+                yield f"row {k}: {sent[k]} where its bus is not served"
+            continue
+        passed = (int(slots[k]) + 1) // n - served
+        served += passed
         waited += passed
         unseen = 0 if valid[k] else unseen + passed
         stopped = end >= 0

@@ -6,7 +6,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,8 +17,19 @@ from tautwave.rig import build_rig
 from tautwave.simulation import simulate
 from tests.rigs.running import rig_of, tree
 from tests.runtime import stopping
-from tests.runtime.stopping import LATE, LIMIT, OVERRUN, Done, bench_tree, fail, rig_for, wrong
-from tests.session.sites import Pair
+from tests.runtime.stopping import (
+    LATE,
+    LIMIT,
+    OVERRUN,
+    Done,
+    bench_tree,
+    fail,
+    is_served,
+    rig_for,
+    stop_row,
+    wrong,
+)
+from tests.session.sites import FAR, Half, Pair
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 try:
@@ -53,6 +64,7 @@ FEW = [
     ("effort", "wave", False, "operated", "python", "late"),
     ("effort", "four_channel", True, "link", "python", "position"),
     ("effort", "mediated", False, "plain", "python", "fault"),
+    ("effort", "wave", False, "slow", "python", "silent"),
     ("velocity", "wave", False, "plain", "python", "silent"),
     ("follower", "wave", False, "plain", "python", "silent"),
     ("scene", stops.ALONE, False, "plain", "python", "late"),
@@ -86,7 +98,7 @@ def check(done: Done, kind: str, failure: str, axis: str, place: str, silent: st
     first = int(np.searchsorted(rows["time_s"], done.slot * rig.period_s - 1e-9))
     if sent.rule == stops.LEAVE:
         assert isinstance(done.error, DriverError)
-        assert first == len(rows["time_s"])
+        assert not any(is_served(rig, rows, axis, k) for k in range(first, len(rows["time_s"])))
         for written in done.written.values():
             last = written[max(written)]
             assert (last.effort, last.velocity) == (0.0, 0.0)
@@ -114,8 +126,7 @@ def check(done: Done, kind: str, failure: str, axis: str, place: str, silent: st
         ]
     stops_at = None
     if begins is not None:
-        since = np.cumsum(1 + rows["skipped_slots"][first:])
-        at = first + int(np.argmax(since >= begins))
+        at = first if failure == "stall" else stop_row(rig, rows, axis, first, begins)
         # Skipped slots are found by the axis itself, and the others hear of it a cycle later.
         stops_at = (at, failure == "late")
     for name in set(rig.axes) - set(of_bus):
@@ -127,6 +138,8 @@ def check(done: Done, kind: str, failure: str, axis: str, place: str, silent: st
     for name, written in done.written.items():
         takes = rig.axes[name].causality == "impedance"
         for k in range(first, len(rows["time_s"])):
+            if not is_served(rig, rows, name, k):
+                continue
             command = written[round(rows["time_s"][k] * rig.rate_hz)]
             value = command.effort if takes else command.velocity
             assert value == rows[f"{name}.commanded"][k] or (
@@ -176,6 +189,11 @@ def test_what_cannot_be_is_refused() -> None:
     assert "keeps its own accounts" in refusal(bench_tree("effort", "wave", account=True))
     operated = tree({"operate": {}, "loop.engine": "compiled"})
     assert "an operated rig runs in plain Python" in refusal(operated)
+    for law in stopping.KEYS:
+        if law != "wave":
+            slow = bench_tree("effort", law, account=False)
+            slow["buses"]["arm"]["divisor"] = stopping.SLOW
+            assert "needs both sides at the same rate" in refusal(slow), law
     tip = stopping.tip_tree("tip", "position", account=False)
     tip["slave"]["axes"]["x"]["effort_sensor"] = {}
     assert "effort_sensor" in refusal(tip)
@@ -200,7 +218,7 @@ def in_python(group: Group) -> Any:
 
 
 @pytest.mark.parametrize(
-    "group", [in_python(it) for it in GROUPS if it[3] != "sites" and it[4] == "python"]
+    "group", [in_python(it) for it in GROUPS if it[3] not in stops.SITES and it[4] == "python"]
 )
 def test_every_case_in_plain_python(group: Group) -> None:
     try_all(group, GROUPS[group])
@@ -275,62 +293,114 @@ LEVER = {
     "position_force": f"{GAINS}, master_damping: 0.05",
     "mediated": f"{GAINS}, touch: 0.02, stiffest: 20",
 }
-ENGAGED = 450
-"""Slot by which both sites push."""
+PUSHES = 450
+"""Slot by which both sites push; operated ones engage first, and push later."""
+HEARS = 3
+"""Slots in which the other site hears of a stop."""
+STEP = 10.0
+"""[N m/s] `effort_rate_limit`: an effort takes some slots to go."""
 
 
-def at_sites(law: str, account: bool, failure: str, side: str) -> Done:
-    """Run two sites; the device of one fails in slot `ENGAGED`."""
+class Both(NamedTuple):
+    """What the site did whose device failed, what the other one did, and when that one stopped."""
+
+    failed: Done
+    other: Done
+    stopped: int
+
+
+def at_sites(law: str, account: bool, failure: str, side: str, operated: bool) -> Both:
+    """Run two sites; the device of one fails once both push."""
     name, _, measured = law.partition(" ")
     keys = LEVER.get(name, GAINS) + (", effort: measured" if measured else "")
     books = "account: {}, " if account else ""
+    at = PUSHES + (500 if operated else 0)
+    until = at / 1000.0
     two = Pair(
         f"coupling={{law: {name}, {books}release_ramp_s: 0.05, pairs: {{lever: {{{keys}}}}}}}",
         f"loop={{missing_limit: {LIMIT}, overrun_limit: {OVERRUN}}}",
-        "master.axes.lever.effort_rate_limit=30", "slave.axes.lever.effort_rate_limit=30",
+        *(f"{it}.axes.lever.effort_rate_limit={STEP}" for it in ("master", "slave")),
         *(f"{it}.axes.lever.effort_sensor={{}}" for it in ("master", "slave") if measured),
-    )  # fmt: skip
+        "simulation.environment.lever={type: spring, stiffness: 4.0, position: 0.0}",
+        "simulation.hand.lever.reference={type: minimum_jerk, "
+        f"waypoints: [[{until - 0.25}, 0], [{until}, 0.25]]}}",
+        *(("operate={start: engaged}",) if operated else ()),
+    )
     try:
         half, other = two.sites[side], two.sites["slave" if side == "master" else "master"]
         (bus,) = half.built.buses
-        stopping.Failing(bus.driver, failure, lambda: half.slot - ENGAGED, f"{side}.lever")
-        slots, skipped = [], []
-        while half.slot < min(half.control.end, ENGAGED + 150):
+        stopping.Failing(bus.driver, failure, lambda: half.slot - at, f"{side}.lever")
+        slots: dict[str, list[int]] = {"master": [], "slave": []}
+        skipped, stopped = [], -1
+        while half.slot < min(half.control.end, at + 150):
             skip = 0
-            if half.slot >= ENGAGED:
+            if half.slot >= at:
                 skip = LATE if failure == "late" else 0
-                if failure == "stall" and half.slot == ENGAGED:
+                if failure == "stall" and half.slot == at:
                     skip = OVERRUN
             for _ in range(skip):
                 two.run(1, other)
+                slots[other.side].append(other.slot - 1)
+                stopped = two.slot if stopped < 0 and has_stopped(other) else stopped
             if skip >= OVERRUN:
                 half.control.overrun(two.slot, skip)
             two.run(1)
-            slots.append(half.slot - 1)
+            stopped = two.slot - 1 if stopped < 0 and has_stopped(other) else stopped
+            slots[side].append(half.slot - 1)
+            slots[other.side].append(other.slot - 1)
             skipped.append(skip)
-        rows = {name: half[name] for name in half.control.columns}
-        rows["time_s"] = np.array(slots) * half.rig.period_s
-        rows["skipped_slots"] = np.array(skipped, float)
-        return Done(
-            half.rig, ENGAGED, rows, {}, {}, half.control.error(), type(half.control).__name__
-        )
+        found = []
+        for it in (half, other):
+            rows = {column: it[column] for column in it.control.columns}
+            rows["time_s"] = np.array(slots[it.side]) * it.rig.period_s
+            none = np.zeros(len(rows["time_s"]))
+            rows["skipped_slots"] = np.array(skipped, float) if it is half else none
+            kind = type(it.control).__name__
+            found.append(Done(it.rig, at, rows, {}, {}, it.control.error(), kind))
+        return Both(*found, stopped)
     finally:
         two.close()
 
 
+def has_stopped(half: Half) -> bool:
+    """Whether the axis of a site is in a stop or a hold."""
+    (own,) = half.control._own
+    return bool(half.control.axes[own].stopping) or (
+        half.rig.operate is not None and half.state == "holding"
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.long
-@pytest.mark.parametrize("group", [it for it in GROUPS if it[3] == "sites"], ids=named)
+@pytest.mark.parametrize("group", [it for it in GROUPS if it[3] in stops.SITES], ids=named)
 def test_every_case_at_two_sites(group: Group) -> None:
-    kind, law, account, *_ = group
+    """The other site holds once it hears of it, and its axis is sent what is seen as it is."""
+    kind, law, account, place, _ = group
+    operated = place != "sites"
     for failure in GROUPS[group]:
         sides = stops.LAWS[law].split(", ") if failure == stops.FED else ("master", "slave")
         for side in sides:
-            done = at_sites(law, account, failure, side)
+            done, far, stopped = at_sites(law, account, failure, side, operated)
             sent = stops.TABLE[kind][failure]
-            first = int(np.searchsorted(done.rows["time_s"], ENGAGED * done.rig.period_s - 1e-9))
+            first = int(np.searchsorted(done.rows["time_s"], done.slot * done.rig.period_s - 1e-9))
             begins = {stops.LIMIT: LIMIT, stops.AT_ONCE: 0, stops.NEVER: None}[sent.begins]
-            name = f"{side}.lever"
-            assert (done.error is None) == (begins is None)
-            found = list(wrong(done.rig, done.rows, name, first, sent.rule, begins))
+            name, other = f"{side}.lever", f"{FAR[side]}.lever"
+            pushed = [abs(it.rows[f"{which}.commanded"][first - 1]) / (1e-3 * STEP)
+                      for it, which in ((done, name), (far, other))]  # fmt: skip
+            assert min(pushed) > 3.0, f"{failure} of {name}: they push {pushed} steps"
+            assert (done.error is None) == (begins is None or operated)
+            assert far.error is None
+            assert (stopped < 0) == (begins is None)
+            found = list(wrong(done.rig, done.rows, name, first, sent.rule, begins, holds=operated))
+            stops_at = None
+            if begins is not None:
+                row = first if failure == "stall" else (
+                    stop_row(done.rig, done.rows, name, first, begins)
+                )  # fmt: skip
+                slot = round(1e3 * done.rows["time_s"][row])
+                assert 0 <= stopped - slot <= HEARS, f"{failure} of {name}: {slot}, {stopped}"
+                stops_at = (stopped, False)
+            found += wrong(
+                far.rig, far.rows, other, done.slot, sent.others, None, stops_at, holds=True
+            )
             assert not found, f"{failure} of {name}: " + "\n".join(found[:5])
