@@ -23,9 +23,9 @@ from tautwave.contracts import (
     SimulatorPlugin,
     no_progress,
 )
-from tautwave.errors import DriverError
+from tautwave.driver_base import DriverBase
 from tautwave.truth import AxisModel
-from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
+from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, JointState
 from tautwave_sim.axis import SimulatedAxis, join_arms
 
 
@@ -92,7 +92,7 @@ def _taken(spec: AxisSpec) -> int:
     return AxisCommand._fields.index("position" if spec.takes_position else name)
 
 
-class LoopbackDriver:
+class LoopbackDriver(DriverBase):
     """Driver for the axes of a `LoopbackSimulator`."""
 
     def __init__(
@@ -102,14 +102,10 @@ class LoopbackDriver:
         clock: Clock,
         transport: LoopbackSimulator | None,
     ) -> None:
+        super().__init__(bus)  # the devices are in this process: they stop with it
         self._world = transport if transport is not None else LoopbackSimulator((), ())
         self._clock = clock
         self._taken = [_taken(spec) for _, spec in zip(self._world.axes, bus.axes, strict=False)]
-        self._enabled = False
-        # The devices are in this process: they stop with it.
-        self.watchdog_s: dict[str, float] = {}
-        self.unwatched: dict[str, str] = {}
-        self.unconfirmed: dict[str, str] = {}
         period = 1.0 / bus.rate_hz
         delay = options.command_delay_s
         if bus.divisor > 1:
@@ -119,48 +115,36 @@ class LoopbackDriver:
         # Rounding leaves a rest of a whole number of periods: that is none, as in `axis`.
         self.command_delay = CommandDelay(periods, rest if rest > 1e-9 * period else 0.0)
 
-    def open(self) -> None:
+    def _bring_up(self) -> None:
         """Torque off; the devices are held until they are enabled."""
-        self._enabled = False
         self._world.rest()
 
-    def enable_step(self) -> bool:
+    def _enable(self) -> bool:
         """Enable at once; there is nothing to wait for."""
-        self._enabled = True
+        self._on = True
         return True
 
     def request(self) -> None:
         """Bring the physics to the present slot."""
-        if self._enabled:
+        if self._on:
             self._world.advance(self._clock.now_ns())
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return what every axis measures at this slot; `deadline_ns` is never needed."""
         return self._world.measure()
 
-    def write(self, commands: Sequence[AxisCommand]) -> None:
-        """Hand one command to every axis; ignored while not enabled."""
-        if len(commands) != len(self._taken):
-            raise DriverError(
-                f"loopback: {len(commands)} commands for {len(self._taken)} axes; "
-                "write one command per axis, in the order of the rig file"
-            )
-        if self._enabled:
-            taken = zip(commands, self._taken, strict=True)
-            self._world.command([command[which] for command, which in taken])
-
-    def faults(self) -> Sequence[Fault]:
-        """Nothing fails here by itself."""
-        return ()
+    def _take(self, commands: Sequence[AxisCommand]) -> None:
+        """Hand one command to every axis."""
+        taken = zip(commands, self._taken, strict=True)
+        self._world.command([command[which] for command, which in taken])
 
     def disable(self) -> None:
         """Zero command on every axis, then ignore commands."""
-        self.write([SAFE_COMMAND] * len(self._taken))
-        self._enabled = False
+        self.write([SAFE_COMMAND] * self._count)
+        self._on = False
 
-    def close(self) -> None:
-        """Idempotent; safe command first."""
-        self.disable()
+    def _release(self) -> None:
+        """Nothing is open."""
 
 
 def _make(options: LoopbackOptions, bus: BusSpec, clock: Clock, transport: Any) -> LoopbackDriver:

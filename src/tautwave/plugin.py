@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Settled,
         refuse_differences,
     )
+    from tautwave.driver_base import DriverBase
     from tautwave.errors import (
         BusTimeout,
         ConfigError,
@@ -87,6 +88,7 @@ _MODULES = {
         "DeviceSetting", "DeviceSettings", "Lasts", "SettingRefusedError", "Settled",
         "refuse_differences",
     ),
+    "driver_base": ("DriverBase",),
     "errors": (
         "BusTimeout", "ConfigError", "DeviceFault", "DriverError", "SettingsDifferError",
         "TautwaveError",
@@ -128,6 +130,7 @@ __all__ = [
     "DeviceSetting",
     "DeviceSettings",
     "Driver",
+    "DriverBase",
     "DriverError",
     "DriverPlugin",
     "Element",

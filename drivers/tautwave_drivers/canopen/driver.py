@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from tautwave.contracts import BusSpec, Clock, FramePort, Row
+from tautwave.driver_base import DriverBase
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.canopen.axis import Axis
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 STOP_LIMIT_S = {"disable_voltage": 0.25, "quick_stop": 1.0}
 
 
-class CanopenDriver:
+class CanopenDriver(DriverBase):
     """Driver for CiA 402 drives on one CAN bus.
 
     Parameters
@@ -54,8 +55,8 @@ class CanopenDriver:
     """
 
     def __init__(self, options: CanopenOptions, bus: BusSpec, clock: Clock, transport: Any) -> None:
+        super().__init__(bus)
         self._options = options
-        self._bus = bus
         self._clock = clock
         self._now = clock.now_ns
         self._transport: FramePort | socket.socket | None = transport
@@ -73,14 +74,9 @@ class CanopenDriver:
         self._sync = options.sync
         self._timeout_ns = int(options.answer_share * bus.period_ns)
         self._synced = False
-        self._enabled = False
-        self.notes: list[str] = []
-        self.watchdog_s: dict[str, float] = dict.fromkeys(
+        self.watchdog_s = dict.fromkeys(
             (axis.spec.name for axis in self._axes), options.heartbeat_timeout_ms * 1e-3
         )
-        self.unwatched: dict[str, str] = {}
-        self.unconfirmed: dict[str, str] = {}
-        self.identities: Mapping[str, Mapping[str, str]] = {}
         self.columns = [f"{axis.spec.name}.answer_us" for axis in self._axes]
         self._torques = [axis for axis in self._axes if axis.reports_motor]
         self.columns += [f"{axis.spec.name}.motor_effort" for axis in self._torques]
@@ -92,7 +88,7 @@ class CanopenDriver:
 
     # -- before and after ---------------------------------------------------------------------
 
-    def open(self) -> None:
+    def _bring_up(self) -> None:
         """Bring every drive up to NMT operational, torque off, all written and read back.
 
         Raises
@@ -107,23 +103,16 @@ class CanopenDriver:
                 f"bus {self._bus.name}: data_bitrate is for `tautwave check` only; this driver "
                 "uses classic CAN: remove it to run"
             )
-        if self._exchange is not None:
-            self.close()
         port = self._connect()
         self.attach(port)
-        try:
-            self._net, self.notes = bring_up(
-                self._options, self._bus, self._axes, self._health, port, self._clock
-            )
-        except BaseException:
-            self._release()
-            raise
-        self.identities = {axis.spec.name: axis.identity for axis in self._axes}
+        self._net, self.notes = bring_up(
+            self._options, self._bus, self._axes, self._health, port, self._clock
+        )
+        self.identities.update((axis.spec.name, axis.identity) for axis in self._axes)
         self.unwatched = {axis.spec.name: axis.unwatched for axis in self._axes if axis.unwatched}
         timeout_s = self._options.heartbeat_timeout_ms * 1e-3
         names = (axis.spec.name for axis in self._axes)
         self.watchdog_s = {name: timeout_s for name in names if name not in self.unwatched}
-        self.unconfirmed = {}
         now = self._now()
         for axis in self._axes:
             axis.heard_ns = now
@@ -145,21 +134,16 @@ class CanopenDriver:
         self._exchange = Exchange(
             port, self._clock, self._axes, self._health, self._options, self._bus
         )
-
-    def detach(self) -> None:
-        """Close the port and leave its drives as they are."""
-        self._release()
+        self._opened = True
 
     def _reset(self) -> None:
         self._health.reset()
         for axis, startup in zip(self._axes, self._startups, strict=True):
             axis.reset()
             startup.reset()
-        self._enabled = False
-        self._synced = False
-        self.notes = []
+        self._on = self._synced = False
 
-    def enable_step(self) -> bool:
+    def _enable(self) -> bool:
         """Take in what came, step every drive's start, send RPDOs and SYNC. Never waits.
 
         Raises
@@ -167,11 +151,10 @@ class CanopenDriver:
         DeviceFault
             A drive cannot be enabled; the message has its state and its error.
         DriverError
-            The bus is lost, or the driver is not open.
+            The bus is lost.
         """
         exchange = self._exchange
-        if exchange is None:
-            raise DriverError(f"bus {self._bus.name}: enable_step before open")
+        assert exchange is not None
         self._health.running = True
         exchange.catch_up()
         for axis, startup in zip(self._axes, self._startups, strict=True):
@@ -179,8 +162,8 @@ class CanopenDriver:
             axis.settle(exchange.cycle, exchange.sync_ns)
         self._raise_failures()
         done = all(startup.done for startup in self._startups)
-        if not self._enabled:
-            self._enabled = done
+        if not self._on:
+            self._on = done
             for axis in self._axes:
                 axis.lost = axis.lost_then = axis.late = 0  # counted from the first cycle on
         for axis, startup in zip(self._axes, self._startups, strict=True):
@@ -238,21 +221,10 @@ class CanopenDriver:
             self._health.watch_samples(cycle)
         return [axis.state(now) for axis in axes]
 
-    def write(self, commands: Sequence[AxisCommand]) -> None:
-        """Send one RPDO per axis at once; ignored until all drives are enabled.
-
-        Raises
-        ------
-        DriverError
-            Not one command per axis.
-        """
-        if len(commands) != len(self._rpdos):
-            raise DriverError(
-                f"bus {self._bus.name}: {len(commands)} commands for {len(self._rpdos)} axes; "
-                "write one per axis, in the order of the rig file"
-            )
+    def _take(self, commands: Sequence[AxisCommand]) -> None:
+        """Send one RPDO per axis at once."""
         exchange = self._exchange
-        if exchange is None or not self._enabled or self._health.full_cycles:
+        if exchange is None or self._health.full_cycles:
             return
         for (axis, can_id), command in zip(self._rpdos, commands, strict=True):
             axis.set_target(command)
@@ -288,7 +260,7 @@ class CanopenDriver:
     def disable(self) -> None:
         """Zero commands, then stop as the rig says, until the drives confirm or time is up."""
         exchange = self._exchange
-        self._enabled = False
+        self._on = False
         if exchange is None or self._net is None:
             return
         health = self._health
@@ -306,24 +278,23 @@ class CanopenDriver:
 
     def close(self) -> None:
         """Disable, disarm the drives' watchdogs, NMT pre-operational, release; never raises."""
-        if self._exchange is None:
-            return
-        self.notes += [text for axis in self._axes if (text := axis.history())]
-        try:
-            self.disable()
-            if self._net is not None and not self._health.lost:
-                from tautwave_drivers.canopen.setup.bringup import shut_down
+        if self._exchange is not None:
+            self.notes += [text for axis in self._axes if (text := axis.history())]
+        super().close()
 
-                self.unconfirmed = shut_down(self._net, self._axes, self._bus)
-        except Exception as err:  # noqa: BLE001  everything has to be released
-            self._health.report(f"closing: {err}")
-        self._release()
+    def _end(self) -> None:
+        if self._net is not None and not self._health.lost:
+            from tautwave_drivers.canopen.setup.bringup import shut_down
+
+            self.unconfirmed = shut_down(self._net, self._axes, self._bus)
+
+    def _not_closed(self, err: Exception) -> None:
+        self._health.report(f"closing: {err}")
 
     def _release(self) -> None:
         exchange, self._exchange, self._net = self._exchange, None, None
-        self._enabled = False
         if exchange is not None and exchange.port is not self._transport:
             try:
                 exchange.port.close()
             except Exception as err:  # noqa: BLE001  whatever a vendor's driver raises
-                self._health.report(f"closing: {err}")
+                self._not_closed(err)

@@ -13,9 +13,10 @@ from it on.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from tautwave.contracts import BusSpec, BytePort, Clock, Row
+from tautwave.driver_base import DriverBase
 from tautwave.errors import DriverError
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits, watchdog_units
@@ -40,7 +41,7 @@ KEEP_ALIVE_SHARE = 0.25
 """Share of the bus watchdog's time between two packets while other buses are enabling."""
 
 
-class DynamixelDriver:
+class DynamixelDriver(DriverBase):
     """Driver of the servos on one line.
 
     Parameters
@@ -65,8 +66,8 @@ class DynamixelDriver:
     def __init__(
         self, options: DynamixelOptions, bus: BusSpec, clock: Clock, transport: BytePort | None
     ) -> None:
+        super().__init__(bus)
         self._options = options
-        self._bus = bus
         self._clock = clock
         self._transport = transport
         self._servos = match_servos(options, bus)
@@ -76,62 +77,48 @@ class DynamixelDriver:
         self._limits = [Limits(0, 0)] * len(self._servos)
         self._port: BytePort | None = None
         self._enabling: Enabling | None = None
-        self._on = False
         self._sent_ns = 0
         self._status_block = options.status_block
         self._armed: list[int | None] = [watchdog_units(options)] * len(self._servos)
         self._first = False
         self._watchdog_ns = round(options.watchdog_s * 1e9)
         self._lost = ""
-        self._faults: list[Fault] = []
-        self.notes: list[str] = []
-        self.watchdog_s: Mapping[str, float] = {
+        self.watchdog_s = {
             axis.name: watchdog_units(options) * reg.WATCHDOG_UNIT_S for axis in bus.axes
         }
-        self.unwatched: Mapping[str, str] = {}
-        self.unconfirmed: dict[str, str] = {}
         self._torques = [at for at, servo in enumerate(self._servos) if servo.impedance]
         self.columns = [f"{bus.axes[at].name}.motor_effort" for at in self._torques]
         self._motor_steps = [
             self._scales[at].direction * self._scales[at].effort for at in self._torques
         ]
-        self.identities: Mapping[str, Mapping[str, str]] = {}
 
     # -- before the loop --------------------------------------------------------------------
 
-    def open(self) -> None:
+    def _bring_up(self) -> None:
         """Open the line, check and set every servo with its torque off; see `Bringup`."""
-        self.close()
         self._lost = ""
-        self._faults.clear()
-        self.notes = []
         port = self._port = self._open_port()
-        try:
-            self._line = PacketLine(port, self._clock, self._options.baud, self._options.latency_s)
-            slow: Line = self._line
-            if self._options.transport == "sdk":
-                from tautwave_drivers.dynamixel.line.sdk import SdkLine
+        self._line = PacketLine(port, self._clock, self._options.baud, self._options.latency_s)
+        slow: Line = self._line
+        if self._options.transport == "sdk":
+            from tautwave_drivers.dynamixel.line.sdk import SdkLine
 
-                slow = SdkLine(port, self._clock, self._options.baud, self._options.latency_s)
-            bringup = Bringup(slow, self._options, self._bus, self.notes)
-            self._limits = bringup.run(self._servos, self._scales)
-            self.identities = bringup.identities
-            units = watchdog_units(self._options)
-            self._armed[:] = [
-                None if servo.axis.name in bringup.unwatched else units for servo in self._servos
-            ]
-            if self._options.status_block:
-                map_status_block(slow, self._servos)
-            self._build(port)
-            self._try_reading()
-            for servo in self._servos:
-                bringup.arm(servo)
-            bringup.verify(self._servos)
-            self.watchdog_s, self.unwatched = bringup.watchdog_s, bringup.unwatched
-            self.unconfirmed = {}
-        except BaseException:
-            self.close()
-            raise
+            slow = SdkLine(port, self._clock, self._options.baud, self._options.latency_s)
+        bringup = Bringup(slow, self._options, self._bus, self.notes)
+        self._limits = bringup.run(self._servos, self._scales)
+        self.identities.update(bringup.identities)
+        units = watchdog_units(self._options)
+        self._armed[:] = [
+            None if servo.axis.name in bringup.unwatched else units for servo in self._servos
+        ]
+        if self._options.status_block:
+            map_status_block(slow, self._servos)
+        self._build(port)
+        self._try_reading()
+        for servo in self._servos:
+            bringup.arm(servo)
+        bringup.verify(self._servos)
+        self.watchdog_s, self.unwatched = bringup.watchdog_s, bringup.unwatched
 
     def _open_port(self) -> BytePort:
         if self._transport is not None:
@@ -173,14 +160,7 @@ class DynamixelDriver:
         self._port = port
         self._build(port)
         self._sent_ns = self._clock.now_ns()
-        self._on = True
-
-    def detach(self) -> None:
-        """Release such a line without a packet."""
-        self._on = False
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
+        self._opened = self._on = True
 
     def _try_reading(self) -> None:
         """Read once as every cycle will: old firmware has no fast sync read."""
@@ -210,14 +190,12 @@ class DynamixelDriver:
             f"from {', '.join(silent)}; {remedy}"
         )
 
-    def enable_step(self) -> bool:
+    def _enable(self) -> bool:
         """Switch torque on and verify it, packet by packet; then keep the watchdogs fed."""
-        port = self._port
-        if port is None:
-            raise DriverError(f"bus {self._bus.name}: enable_step before open")
+        assert self._port is not None
         if self._enabling is None:
             self._enabling = Enabling(
-                port,
+                self._port,
                 self._clock,
                 self._servos,
                 self._bus,
@@ -300,28 +278,14 @@ class DynamixelDriver:
             states[index] = MISSING
         return states
 
-    def write(self, commands: Sequence[AxisCommand]) -> None:
-        """Stage one command per axis for the next request; ignored while not enabled."""
-        if len(commands) != len(self._servos):
-            raise DriverError(
-                f"dynamixel: {len(commands)} commands for {len(self._servos)} axes; write one "
-                "per axis, in the order of the rig file"
-            )
-        if not self._on:
-            return
+    def _take(self, commands: Sequence[AxisCommand]) -> None:
+        """Stage one command per axis for the next request."""
         if self._watch.failed:
             commands = [
                 SAFE_COMMAND if index in self._watch.failed else command
                 for index, command in enumerate(commands)
             ]
         self._staging.put(commands)
-
-    def faults(self) -> Sequence[Fault]:
-        """Return what servos and line have reported since the last call."""
-        if not self._faults:
-            return ()
-        found, self._faults = self._faults, []
-        return found
 
     def fill(self, row: Row, at: int) -> None:
         """Record the present current of axes that take effort, as effort; NaN: no sample."""
@@ -348,17 +312,13 @@ class DynamixelDriver:
             goals = self._staging.packet()
             self.unconfirmed = leave(port, self._line, goals, self._servos, self.watchdog_s)
 
-    def close(self) -> None:
-        """Disable, try again who did not confirm it, release the line; idempotent, never raises."""
-        try:
-            self.disable()
-            if self._port is not None and self.unconfirmed:
-                self.unconfirmed = leave_again(
-                    self._clock, self._reconnect, self._servos, self.watchdog_s, self.unconfirmed
-                )
-        except Exception as err:  # noqa: BLE001  everything has to be released
-            self.notes.append(f"bus {self._bus.name}: closing: {err}")
-        self._on = False
+    def _end(self) -> None:
+        if self._port is not None and self.unconfirmed:
+            self.unconfirmed = leave_again(
+                self._clock, self._reconnect, self._servos, self.watchdog_s, self.unconfirmed
+            )
+
+    def _release(self) -> None:
         self._enabling = None
         port, self._port = self._port, None
         if port is not None and self._transport is None:

@@ -8,13 +8,14 @@ requested of a drive is in `station`, how it gets there in `line.tcp` and `line.
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from tautwave.contracts import READ_SHARE, BusSpec, Clock, Row
 from tautwave.device_settings import DeviceSettings, refuse_differences
-from tautwave.errors import BusBudgetError, BusTimeout, DriverError
-from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave.driver_base import DriverBase
+from tautwave.errors import BusBudgetError, BusTimeout
+from tautwave.types import AxisCommand, CommandDelay, JointState
 from tautwave_drivers.modbus.budget import rounds
 from tautwave_drivers.modbus.enabling import Enabling
 from tautwave_drivers.modbus.leaving import leave, leave_again
@@ -47,7 +48,7 @@ def _likely_cause(links: Links, silent: Sequence[str]) -> str:
     )
 
 
-class ModbusDriver:
+class ModbusDriver(DriverBase):
     """Driver of the drives on one bus.
 
     Parameters
@@ -70,25 +71,19 @@ class ModbusDriver:
     command_delay = CommandDelay(1, 0.0)
 
     def __init__(self, options: ModbusOptions, bus: BusSpec, clock: Clock, transport: Any) -> None:
+        super().__init__(bus)
         self._options = options
-        self._bus = bus
         self._clock = clock
         self._transport = transport
         self._devices = match_devices(options, bus)
         self.stations: list[Station] = []
         self._links: Links | None = None
         self._enabling: Enabling | None = None
-        self._on = False
-        self._faults: list[Fault] = []
-        self.notes: list[str] = []
         self.watchdog_s = {
             one.axis.name: one.profile.timeout_s(options.comm_timeout_s)
             for one in self._devices
             if one.profile.comm_loss is not None
         }
-        self.unwatched: dict[str, str] = {}
-        self.unconfirmed: dict[str, str] = {}
-        self.identities: dict[str, Mapping[str, str]] = {}
         self.columns = [f"{device.axis.name}.answer_us" for device in self._devices]
         self._torques = [
             at
@@ -99,7 +94,7 @@ class ModbusDriver:
 
     # -- before the loop --------------------------------------------------------------------
 
-    def open(self) -> None:
+    def _bring_up(self) -> None:
         """Connect, check and set every drive with its motor off; see `Bringup`.
 
         Raises
@@ -111,39 +106,32 @@ class ModbusDriver:
         """
         from tautwave_drivers.modbus.bringup import Bringup
 
-        self.close()
-        self.notes = []
         unwatched: dict[str, str] = {}
         settings: list[DeviceSettings] = []
-        self._faults.clear()
         links = self._links = self._make_links()
-        try:
-            for link, stations in links.groups:
-                links.connect(link)
-                client = Client(link, self._clock, self._timeout_s)
-                if isinstance(link, RtuLink):
-                    until = self._clock.now_ns() + round(1e9 * self._timeout_s)
-                    check_echo(link, self._clock, stations[0], until, told=self._options.echo)
-                for station in stations:
-                    bringup = Bringup(
-                        station, client, self._options, self._bus, self._clock, self.notes
-                    )
-                    bringup.run()
-                    settings.append(bringup.settings)
-                    name = station.device.axis.name
-                    self.identities[name] = bringup.identity
-                    if bringup.unwatched:
-                        unwatched[name] = bringup.unwatched
-                    # It has confirmed that it is off.
-                    self.unconfirmed.pop(name, None)
-            refuse_differences(self._bus, settings)
-            links.gather()
-            self._try_exchange(links)
-            self._enabling = self._new_enabling(links)
-            self.unwatched = unwatched
-        except BaseException:
-            self.close()
-            raise
+        for link, stations in links.groups:
+            links.connect(link)
+            client = Client(link, self._clock, self._timeout_s)
+            if isinstance(link, RtuLink):
+                until = self._clock.now_ns() + round(1e9 * self._timeout_s)
+                check_echo(link, self._clock, stations[0], until, told=self._options.echo)
+            for station in stations:
+                bringup = Bringup(
+                    station, client, self._options, self._bus, self._clock, self.notes
+                )
+                bringup.run()
+                settings.append(bringup.settings)
+                name = station.device.axis.name
+                self.identities[name] = bringup.identity
+                if bringup.unwatched:
+                    unwatched[name] = bringup.unwatched
+                # It has confirmed that it is off.
+                self.unconfirmed.pop(name, None)
+        refuse_differences(self._bus, settings)
+        links.gather()
+        self._try_exchange(links)
+        self._enabling = self._new_enabling(links)
+        self.unwatched = unwatched
 
     def attach(self) -> None:
         """Take drives for enabled without a request: to measure a cycle."""
@@ -151,16 +139,9 @@ class ModbusDriver:
         for link, _ in links.groups:
             links.connect(link)
         links.gather()
-        self._on = links.watching = True
+        self._opened = self._on = links.watching = True
         for station in self.stations:
             station.on = True
-
-    def detach(self) -> None:
-        """Release such drives without a request."""
-        self._on = False
-        links, self._links = self._links, None
-        if links is not None:
-            links.close()
 
     def _make_links(self) -> Links:
         self.stations = self.make_stations()
@@ -230,7 +211,7 @@ class ModbusDriver:
 
     # -- enabling ---------------------------------------------------------------------------
 
-    def enable_step(self) -> bool:
+    def _enable(self) -> bool:
         """Enable step by step, then keep the watchdogs from expiring.
 
         Raises
@@ -239,8 +220,8 @@ class ModbusDriver:
             A drive refuses, or takes too long, or is gone; the sentence says which.
         """
         links, enabling = self._links, self._enabling
-        if links is None or enabling is None:
-            raise DriverError(f"bus {self._bus.name}: enable_step before open")
+        assert links is not None
+        assert enabling is not None
         ready = enabling.step()
         self._on = links.watching = enabling.done
         return ready
@@ -275,29 +256,10 @@ class ModbusDriver:
                 station.faults.clear()
         return states
 
-    def write(self, commands: Sequence[AxisCommand]) -> None:
-        """Stage one command per axis for the next request; ignored while not enabled.
-
-        Raises
-        ------
-        DriverError
-            Not one command per axis.
-        """
-        if len(commands) != len(self._devices):
-            raise DriverError(
-                f"bus {self._bus.name}: {len(commands)} commands for {len(self._devices)} axes; "
-                "write one per axis, in the order of the rig file"
-            )
-        if self._on:
-            for station, command in zip(self.stations, commands, strict=True):
-                station.command(command)
-
-    def faults(self) -> Sequence[Fault]:
-        """Return what drives and links have reported since the last call."""
-        if not self._faults:
-            return ()
-        found, self._faults = self._faults, []
-        return found
+    def _take(self, commands: Sequence[AxisCommand]) -> None:
+        """Stage one command per axis for the next request."""
+        for station, command in zip(self.stations, commands, strict=True):
+            station.command(command)
 
     def fill(self, row: Row, at: int) -> None:
         """Record the response time of each drive [us] and reported torques; NaN: none came."""
@@ -337,16 +299,12 @@ class ModbusDriver:
         for station in self.stations:
             station.reset()
 
-    def close(self) -> None:
-        """Disable and release the bus; idempotent, never raises."""
-        try:
-            self.disable()
-            if self._links is not None and self.unconfirmed:
-                self.unconfirmed = leave_again(self._links, self._clock, self.unconfirmed)
-        except Exception as err:  # noqa: BLE001  everything has to be released
-            self.notes.append(f"bus {self._bus.name}: closing: {err}")
-        links, self._links = self._links, None
-        self._on = False
+    def _end(self) -> None:
+        if self._links is not None and self.unconfirmed:
+            self.unconfirmed = leave_again(self._links, self._clock, self.unconfirmed)
+
+    def _release(self) -> None:
         self._enabling = None
+        links, self._links = self._links, None
         if links is not None:
             links.close()
