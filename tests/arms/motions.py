@@ -24,7 +24,7 @@ from tautwave.rig import build_rig, command_delays
 from tautwave.runtime.operate.commands import Order, Script
 from tautwave.session.facts import port_claims
 from tautwave.session.operating import with_operation
-from tautwave.simulation.scene.live import run_in_memory
+from tautwave.simulation.memory import run_in_memory
 
 PLANAR = Path(__file__).parents[2] / "configs" / "arms" / "planar.yaml"
 SECONDS = 1.4

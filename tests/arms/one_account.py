@@ -23,7 +23,7 @@ import numpy as np
 from tautwave.config import load_rig
 from tautwave.controller.slotted import slotted
 from tautwave.rig import build_rig
-from tautwave.simulation.scene.live import run_in_memory
+from tautwave.simulation.memory import run_in_memory
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "arms"
 

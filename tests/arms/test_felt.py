@@ -21,7 +21,7 @@ from tautwave.runtime.carrying.felt import FeltLoad, FeltPlace
 from tautwave.runtime.carrying.side import CarriedAxis, SideLoad
 from tautwave.runtime.operate.commands import Order, Script
 from tautwave.session.operating import with_operation
-from tautwave.simulation.scene.live import run_in_memory
+from tautwave.simulation.memory import run_in_memory
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 ARMS = BENCH.with_name("arms-loopback.yaml")

@@ -21,7 +21,7 @@ from tautwave.runtime.carrying.side import CarriedAxis, SideLoad, take_payload
 from tautwave.runtime.operate.commands import PAYLOAD, Order, Script, read_script
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.session.operating import with_operation
-from tautwave.simulation.scene.live import run_in_memory
+from tautwave.simulation.memory import run_in_memory
 
 ARMS = Path(__file__).parents[2] / "configs" / "arms-loopback.yaml"
 MORE = ("operate={start: engaged}", "slave.arm.payloads={none: {mass: 0.0}, box: {mass: 0.6}}")

@@ -15,7 +15,7 @@ from tautwave.registry import load_driver
 from tautwave.report.arms.drawing import arms_still, write_arms_animation
 from tautwave.report.arms.solids import wires_of
 from tautwave.report.arms.view import ArmsView, ArmView, _places
-from tautwave.report.scene.drawing import OVER
+from tautwave.report.figures.frames import OVER
 
 PLANAR = Path(__file__).parents[2] / "configs" / "arms" / "planar.yaml"
 

@@ -42,7 +42,7 @@ def test_simulations_are_the_live_run_to_the_bit(engine: str) -> None:
 def test_compiled_devices_of_a_live_run_have_the_same_sensors() -> None:
     from tautwave.rig import build_rig
     from tautwave.simulation.live.devices import CompiledDevices
-    from tautwave.simulation.scene.live import run_in_memory
+    from tautwave.simulation.memory import run_in_memory
 
     rig = bench(f"{SLAVE}={TRUE}", seconds=0.2)
     _, made = run_in_memory(build_rig(rig, clock="fake", devices=CompiledDevices))

@@ -20,7 +20,7 @@ from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.runtime.operate.rest.holds import Holds, damping_capital
 from tautwave.runtime.operate.states import STATES
 from tautwave.session.operating import with_operation
-from tautwave.simulation.scene.live import run_in_memory
+from tautwave.simulation.memory import run_in_memory
 from tautwave.types import CommandDelay
 from tests.runtime.operating import BARE, FREE, STANDING, STILL, Operated, bench, operate
 

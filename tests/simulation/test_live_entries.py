@@ -16,11 +16,18 @@ from tautwave.simulation.live import entry
 from tautwave.simulation.live.devices import CompiledDevices
 
 
-@pytest.mark.parametrize("name", entry._ENTRIES)
-def test_an_entry_takes_its_arrays_and_then_whole_numbers(name: str) -> None:
-    function, arrays, wholes = entry._ENTRIES[name]
-    kinds = [one.annotation for one in inspect.signature(function).parameters.values()]
-    assert kinds == ["Any"] * len(arrays) + ["int"] * wholes
+def takes_arrays_then_whole_numbers(what: entry.Entry) -> bool:
+    kinds = [one.annotation for one in inspect.signature(what.function).parameters.values()]
+    return kinds == ["Any"] * len(what.arrays) + ["int"] * what.wholes
+
+
+@pytest.mark.parametrize(
+    "what",
+    [entry.STEP_CONTROL, entry.END_CONTROL, entry.STEP_DEVICES],
+    ids=["control", "end", "devices"],
+)
+def test_an_entry_takes_its_arrays_and_then_whole_numbers(what: entry.Entry) -> None:
+    assert takes_arrays_then_whole_numbers(what)
 
 
 def test_devices_pass_to_the_slot_that_is_nearest(monkeypatch: pytest.MonkeyPatch) -> None:

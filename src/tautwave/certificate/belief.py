@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tautwave.config import Axis, Foam, Rig, SolidWall, Spring, simulation_of
 from tautwave.rig import command_delays, true_delay_s
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.types import CommandDelay
 
 SIDES = ("master", "slave")

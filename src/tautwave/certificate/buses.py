@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Policy, Rig, bus_spec
 from tautwave.registry import load_driver
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.types import CommandDelay
 
 

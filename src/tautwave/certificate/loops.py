@@ -35,7 +35,7 @@ from tautwave.rig import (
     end_constants,
     velocity_gain,
 )
-from tautwave.rig.scene.hands import StatedHand, stated_hand
+from tautwave.rig.hands import StatedHand, stated_hand
 from tautwave.types import CommandDelay
 
 STABLE = 1e-9

@@ -32,7 +32,7 @@ from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Axis, Rig, Wall, local_wall
 from tautwave.rig import axis_allowance, coupling_part, wall_params
 from tautwave.rig.allowance.filling import at_least, wall_push, wall_steepness
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.types import CommandDelay
 
 FREE_FLIGHT = (

@@ -141,7 +141,7 @@ def why_not_compiled(err: Exception) -> str:
 
 def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:
     """Return the rows of a rig whose devices stay in Python: the live loop in memory."""
-    from tautwave.simulation.scene.live import run_in_memory
+    from tautwave.simulation.memory import run_in_memory
 
     built = build_rig(rig, clock="fake", duration_s=duration_s)
     if rig.loop.engine == "compiled" and isinstance(built.control, CoupledControl):

@@ -11,8 +11,8 @@ from tautwave.config import Rig
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop, LoopResult
+from tautwave.simulation.memory import KeptRows
 from tautwave.simulation.rows import Simulation
-from tautwave.simulation.scene.live import KeptRows
 
 
 class Stepper:

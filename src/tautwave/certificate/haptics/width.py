@@ -19,7 +19,7 @@ from tautwave.certificate.belief import delay_in_periods
 from tautwave.config import Rig, local_wall
 from tautwave.models.hand import Hand
 from tautwave.rig import at_axis_rate, axis_allowance
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.types import CommandDelay
 
 Floats = NDArray[np.float64]

@@ -21,7 +21,7 @@ from tautwave.certificate.scene.contacts import (
 from tautwave.certificate.scene.joint import Matrix
 from tautwave.config import Rig
 from tautwave.rig import axis_allowance
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.rig.scene.network import hold_limit
 from tautwave.scene.sampled import PortMap
 from tautwave.types import CommandDelay

@@ -46,7 +46,7 @@ from tautwave.certificate.scene.contacts import (
 from tautwave.certificate.scene.maps import closed_part, needed, own_radius
 from tautwave.config import Rig
 from tautwave.rig import axis_allowance
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.rig.scene.network import (
     hold_limit,
     press_energy,

@@ -43,7 +43,7 @@ from tautwave.certificate.scene3d.contacts import regimes3d
 from tautwave.certificate.scene3d.maps import levers, network3d_map
 from tautwave.config import Rig
 from tautwave.rig import axis_allowance
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.rig.scene.network import hold_limit, press_energy
 from tautwave.rig.scene.network3d import axis_scales, pruned_network3d, scene3d_of
 from tautwave.scene.network import ACTIVE, LINEAR

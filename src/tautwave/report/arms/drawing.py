@@ -18,7 +18,7 @@ from PIL import Image, ImageDraw
 from tautwave.canvas import EDGE, GRID, INK, MASTER, PAPER, SHADE, SLAVE, SOFT, WALL, WALL_SHADE
 from tautwave.report.arms.view import ArmsView, ArmView
 from tautwave.report.figures.envelope import Floats
-from tautwave.report.scene.drawing import FRAMES, OVER, Colours, ground, save_frames
+from tautwave.report.figures.frames import FRAMES, OVER, Colours, ground, save_frames
 
 PANEL, HEIGHT = 360, 360
 MARGIN, TOP = 0.1, 30

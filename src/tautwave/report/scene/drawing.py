@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,20 +18,23 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageChops, ImageDraw
 
-from tautwave.canvas import BAND, DARK, EDGE, INK, MASTER, PAPER, SLAVE, SOFT
-from tautwave.files import create, writing
+from tautwave.canvas import BAND, EDGE, INK, MASTER, PAPER, SLAVE, SOFT
+from tautwave.report.figures.frames import (
+    FRAME_MS,
+    FRAMES,
+    LIGHT,
+    OVER,
+    Colours,
+    ground,
+    save_frames,
+)
 from tautwave.report.scene.view import SceneView
 
 if TYPE_CHECKING:
     from tautwave.report.scene3d.view import View3d
 
-Colours = Mapping[str, str]
-LIGHT: Colours = {colour: colour for colour in DARK}
 Ints = npt.NDArray[np.int64]
 WIDTH, HEIGHT = 480, 320
-OVER = 2  # drawn twice as large, then scaled down: smooth edges
-FRAMES = 90
-FRAME_MS = 50
 BAR, GROUND_LINE = 5, 2  # thickness [pixel of the animation]
 ZIGZAG = ("spring", "nonlinear", "plastic")
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.97, 0.08, 0.9
@@ -101,11 +104,6 @@ def draw_frame(view: SceneView, row: int, title: str = "", *, dark: bool = False
     near = max(round(0.25 * view.rig.rate_hz), 1)
     rows = slice(max(0, row - near), row + near)
     return _draw(view, _layout(view, rows), row, title, ground(dark))
-
-
-def ground(dark: bool) -> Colours:
-    """Return each colour of the palette for a light or dark background."""
-    return DARK if dark else LIGHT
 
 
 def _draw(
@@ -270,28 +268,3 @@ def still_png(view: SceneView | View3d, draw: Callable[[int], Image.Image]) -> b
 def still(view: SceneView, dark: bool) -> bytes:
     """Return the scene at its liveliest row as PNG: a frame of the animation."""
     return still_png(view, partial(draw_frame, view, dark=dark))
-
-
-def save_frames(drawn: Sequence[Image.Image], path: Path) -> None:
-    """Write frames as a GIF with one palette."""
-    small = [image.reduce(OVER) for image in drawn]
-    palette, plain = _palette(small), Image.Dither.NONE
-    images = [image.quantize(palette=palette, dither=plain) for image in small]
-    with writing(path), open(create(path), "wb") as file:
-        images[0].save(
-            file, "GIF", save_all=True, append_images=images[1:], duration=FRAME_MS, loop=0
-        )
-
-
-def _palette(drawn: Sequence[Image.Image]) -> Image.Image:
-    """Return the colours of a few frames; all frames show the same objects."""
-    some = drawn[:: max(1, len(drawn) // 4)]
-    wide, tall = drawn[0].size
-    strip = Image.new("RGB", (wide, tall * len(some)))
-    for at, image in enumerate(some):
-        strip.paste(image, (0, tall * at))
-    found = np.array(strip.quantize(32, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
-    found[found.min(axis=1) > 244] = 255  # the mean of white and next to white
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(found.ravel().tolist())
-    return palette

@@ -18,17 +18,8 @@ from PIL import Image, ImageColor, ImageDraw
 
 from tautwave.canvas import EDGE, GRID, INK, MASTER, PAPER, SHADE, SLAVE, SOFT
 from tautwave.report.figures.envelope import Floats
-from tautwave.report.scene.drawing import (
-    HEIGHT,
-    LIGHT,
-    OVER,
-    WIDTH,
-    Colours,
-    ground,
-    pick_rows,
-    save_frames,
-    still_png,
-)
+from tautwave.report.figures.frames import LIGHT, OVER, Colours, ground, save_frames
+from tautwave.report.scene.drawing import HEIGHT, WIDTH, pick_rows, still_png
 from tautwave.report.scene3d.tissue import Triangle, edges_at_rest, strain_of, surface_of
 from tautwave.report.scene3d.view import View3d, project
 

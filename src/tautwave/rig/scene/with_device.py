@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tautwave.config import Rig, Scene
 from tautwave.errors import ConfigError
-from tautwave.rig.scene.hands import stated_hand
+from tautwave.rig.hands import stated_hand
 from tautwave.rig.ways import command_delays
 from tautwave.scene.network import Network
 

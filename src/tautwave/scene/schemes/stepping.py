@@ -128,3 +128,7 @@ def move_ports(s: Arrays, port: int, position: float, period: float) -> None:
     s.port_work[port] -= s.force[at] * moved
     s.x[at] = position
     s.v[at] = moved / period
+
+
+INLINED = (move_ports, pull_links, step_symplectic)
+"""What runs in every step, is called in a place, and costs little more than a call."""

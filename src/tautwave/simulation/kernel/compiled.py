@@ -32,34 +32,15 @@ from tautwave.link import network as link_network
 from tautwave.link import receiver as link_receiver
 from tautwave.link import trace as link_trace
 from tautwave.models import plant
-from tautwave.runtime.scene import hold
-from tautwave.scene import ledger
-from tautwave.scene.schemes import gradient, islands, kutta, stepping
-from tautwave.scene.schemes import tension as link_tension
-from tautwave.scene3d import ledger as ledger3d
-from tautwave.scene3d import solving as solving3d
-from tautwave.scene3d import stepping as stepping3d
-from tautwave.scene3d import straining as straining3d
-from tautwave.scene3d import tension as tension3d
 from tautwave.simulation.kernel import device, records, rows
 from tautwave.simulation.kernel import run as kernel
-from tautwave.simulation.live import scene as live_scene
 from tautwave.simulation.live import steps as live_steps
-from tautwave.simulation.scene import steps as network_steps
-from tautwave.simulation.scene import tick as network_tick
-from tautwave.simulation.scene import tick3d
 
 CONTROLLER_MODULES = (
     *(controller_records, steps, braking, inertia, axis, pair, controller_rows, run),
 )
 LINK_MODULES = (link_receiver, link_network, link_trace)
 KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, kernel, live_steps)
-MODULES_3D = (stepping3d, tension3d, straining3d, solving3d, ledger3d, tick3d)
-SCENE_MODULES = (
-    *(stepping, link_tension, islands, gradient, kutta, ledger),
-    *(network_steps, network_tick, hold, live_scene),
-)
-
 INLINED = {
     *(axis.pass_slot, axis.close_axis, axis.decide_axis, axis.think_axis, axis.think_effort),
     *(axis.pending_effort, axis.take_sample, pair.cycle_pair, run.run_cycle, run.check_sample),
@@ -70,9 +51,11 @@ INLINED = {
     *(controller_rows.fill_element, rows.fill_device, port.port_effort, port.port_close),
     *(site.render_wall, site.clip_coupling, site.limit_site, limit.guard_axis, limit.limit_effort),
     *(observer.observe, port.repayment, limit.clamp),
-    *(stepping.move_ports, stepping.pull_links, stepping.step_symplectic),
 }
-"""What runs in every cycle, is called in a place or two, and costs little more than a call."""
+"""What runs in every cycle, is called in a place or two, and costs little more than a call.
+
+Modules that are compiled beside these, and are not part of the kernel, name theirs as `INLINED`.
+"""
 
 Modules = tuple[ModuleType, ...]
 
@@ -86,7 +69,7 @@ def source_modules() -> tuple[ModuleType, ...]:
     for package in (tautwave.laws, tautwave.models):
         below = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
         found += [importlib.import_module(name) for name in sorted(info.name for info in below)]
-    return (*found, *KERNEL_MODULES, *SCENE_MODULES, *MODULES_3D)
+    return (*found, *KERNEL_MODULES)
 
 
 def source_hash(law: Law = ALONE, more: Modules = ()) -> str:
@@ -134,10 +117,10 @@ def cache_directory(law: Law = ALONE, more: Modules = ()) -> Path:
     return root / "tautwave" / source_hash(law, more)
 
 
-def is_cached(entry: Callable[..., Any], law: Law = ALONE) -> bool:
+def is_cached(entry: Callable[..., Any], law: Law = ALONE, more: Modules = ()) -> bool:
     """Return whether `cached(entry)` was compiled before, here and of the present sources."""
     name = f"{entry.__module__}.{entry.__qualname__}"  # as numba names its files
-    return any(cache_directory(law).glob(f"*/{name}-*.nbi"))
+    return any(cache_directory(law, more).glob(f"*/{name}-*.nbi"))
 
 
 def functions_of(module: ModuleType) -> Iterator[Callable[..., Any]]:
@@ -192,7 +175,9 @@ def cached(entry: Callable[..., Any], law: Law = ALONE, more: Modules = ()) -> C
     return made
 
 
-def cached_c(entry: Callable[..., Any], signature: Any, law: Law = ALONE) -> Any:
+def cached_c(
+    entry: Callable[..., Any], signature: Any, law: Law = ALONE, more: Modules = ()
+) -> Any:
     """Return a function as a C function of this signature; its `address` is to be called."""
 
     def compile_it(
@@ -201,7 +186,7 @@ def cached_c(entry: Callable[..., Any], signature: Any, law: Law = ALONE) -> Any
         del options["_nrt"]  # without it no array can be made of an address
         return numba.cfunc(signature, cache=kept, fastmath=False, **options)(function)
 
-    return _compile(entry, law, compile_it)
+    return _compile(entry, law, compile_it, more)
 
 
 def register(entry: Callable[..., Any], functions: Iterable[Callable[..., Any]]) -> None:
@@ -210,9 +195,9 @@ def register(entry: Callable[..., Any], functions: Iterable[Callable[..., Any]])
     for function in functions:
         if function is not entry and function not in _registered:
             # Said of each, since numba hands the option down to whatever is called.
-            extending.register_jitable(forceinline=function in INLINED, **OPTIONS, **INTERNAL)(
-                function
-            )
+            own = getattr(sys.modules[function.__module__], "INLINED", ())
+            inline = function in INLINED or function in own
+            extending.register_jitable(forceinline=inline, **OPTIONS, **INTERNAL)(function)
             _registered.add(function)
 
 

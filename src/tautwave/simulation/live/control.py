@@ -50,7 +50,7 @@ class CompiledControl(Control):
         from tautwave.simulation.kernel.compiled import load_numba
 
         load_numba()
-        from tautwave.simulation.live.entry import entry
+        from tautwave.simulation.live.entry import END_CONTROL, STEP_CONTROL, entry
 
         super().__init__(given.run, given.names, given.params, given.law)
         self.columns = given.columns
@@ -82,11 +82,11 @@ class CompiledControl(Control):
             self._row,
         )
         self._tables = tables  # whose addresses are in use
-        step = entry("step_control", given.law, parts_of(given.params), parts_of(given.pairs))
+        step = entry(STEP_CONTROL, given.law, parts_of(given.params), parts_of(given.pairs))
         self._step = partial(step, *(table.ctypes.data for table in tables))
         ending = (run, self._outcome, axes, self._outputs)
         self._stop = partial(
-            entry("end_control", given.law), *(table.ctypes.data for table in ending)
+            entry(END_CONTROL, given.law), *(table.ctypes.data for table in ending)
         )
         self._given = view_of(self._inputs)
         self._results = view_of(self._outputs)

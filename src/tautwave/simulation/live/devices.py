@@ -40,7 +40,7 @@ class CompiledDevices:
     """
 
     def __init__(self, bus: BusSpec, models: Sequence[AxisModel], cycles: int) -> None:
-        from tautwave.simulation.live.entry import entry
+        from tautwave.simulation.live.entry import STEP_DEVICES, entry
 
         if bus.divisor > 1:
             models = [it._replace(command_delay=max(it.command_delay, 1.0)) for it in models]
@@ -69,7 +69,7 @@ class CompiledDevices:
             row,
         )
         self._tables = tables  # whose addresses are in use
-        self._step = partial(entry("step_devices"), *(table.ctypes.data for table in tables), count)
+        self._step = partial(entry(STEP_DEVICES), *(table.ctypes.data for table in tables), count)
         self._commands = self.values[:count]
         self._period_ns = round(models[0].period * 1e9) if models else 0
         self._origin_ns: int | None = None

@@ -9,7 +9,8 @@ from __future__ import annotations
 import ctypes
 import importlib
 from collections.abc import Callable
-from typing import Any
+from types import ModuleType
+from typing import Any, NamedTuple
 
 from tautwave.controller.records import (
     AxisParams,
@@ -21,10 +22,8 @@ from tautwave.controller.records import (
     Sample,
 )
 from tautwave.controller.steps import ALONE, Law, NoParams, Steps
-from tautwave.runtime.scene.hold import Debt, Held
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState, record_type
-from tautwave.simulation.live.scene import ScenePort, SceneState, step_scene
 from tautwave.simulation.live.steps import end_control, step_control, step_devices
 
 numba: Any = importlib.import_module("numba")
@@ -90,66 +89,30 @@ def _step_devices(
     step_devices(d, b, m, carray(table, 1), lost, given, carray(row, 1), count, slot, command != 0)
 
 
-def _step_scene(
-    runs: Any, outcomes: Any, params: Any, axes: Any, samples: Any, scenes: Any, ends: Any,
-    helds: Any, debts: Any, table: Any, pipe: Any, floats: Any, wholes: Any, places: Any,
-    ports: Any, forces: Any, efforts: Any, start: Any, inputs: Any, outputs: Any, row: Any,
-    count: int, size: int, whole: int, fields: int, slot: int, skipped: int,
-) -> None:  # fmt: skip
-    r: Any = carray(runs, 1)
-    n: Any = r[0].axes
-    step_scene(
-        r,
-        carray(outcomes, 1),
-        carray(params, n),
-        carray(axes, n),
-        carray(samples, n),
-        carray(scenes, 1),
-        carray(ends, count),
-        carray(helds, count),
-        carray(debts, 1),
-        carray(table, 1),
-        carray(pipe, 1),
-        carray(floats, size),
-        carray(wholes, whole),
-        carray(places, fields),
-        carray(ports, count),
-        carray(forces, 1),
-        carray(efforts, 1),
-        carray(start, 1),
-        carray(inputs, 1),
-        carray(outputs, 1),
-        carray(row, 1),
-        slot,
-        skipped,
-        STEPS,
-    )
-
-
 _FLOATS = (float,) * 4
-_SCENE = (SceneState, ScenePort, Held, Debt)
-_ENTRIES: dict[str, tuple[Callable[..., None], tuple[type[Any], ...], int]] = {
-    "step_control": (
-        _step_control,
-        (RunParams, RunState, AxisParams, AxisState, Sample, PairParams, PairState, *_FLOATS),
-        3,
-    ),
-    "step_scene": (
-        _step_scene,
-        (
-            *(RunParams, RunState, AxisParams, AxisState, Sample, *_SCENE),
-            *(float, float, float, int, int, int, *(float,) * 6),
-        ),
-        6,
-    ),
-    "end_control": (_end_control, (RunParams, RunState, AxisState, float), 2),
-    "step_devices": (
-        _step_devices,
-        (DeviceParams, DeviceState, Sample, float, bool, float, float),
-        3,
-    ),
-}
-"""Function, what its arrays hold, and how many whole numbers follow them."""
+
+
+class Entry(NamedTuple):
+    """What is compiled: function, what its arrays hold, how many whole numbers follow them.
+
+    `modules` are those that it is made of beside the kernel's.
+    """
+
+    function: Callable[..., None]
+    arrays: tuple[type[Any], ...]
+    wholes: int
+    modules: tuple[ModuleType, ...] = ()
+
+
+STEP_CONTROL = Entry(
+    _step_control,
+    (RunParams, RunState, AxisParams, AxisState, Sample, PairParams, PairState, *_FLOATS),
+    3,
+)
+END_CONTROL = Entry(_end_control, (RunParams, RunState, AxisState, float), 2)
+STEP_DEVICES = Entry(
+    _step_devices, (DeviceParams, DeviceState, Sample, float, bool, float, float), 3
+)
 
 
 def _type_of(kind: type[Any], parts: dict[type[Any], dict[str, Any]]) -> Any:
@@ -161,7 +124,7 @@ def _type_of(kind: type[Any], parts: dict[type[Any], dict[str, Any]]) -> Any:
 
 
 def entry(
-    name: str,
+    what: Entry,
     law: Law = ALONE,
     ends: dict[str, type[Any]] | None = None,
     links: dict[str, type[Any]] | None = None,
@@ -170,9 +133,9 @@ def entry(
 
     `ends` and `links` are `records.parts_of` the constants of axes and pairs.
     """
-    key = name, law.steps
+    function, kinds, wholes, modules = what
+    key = function, law.steps
     if key not in _made:
-        function, kinds, wholes = _ENTRIES[name]
         parts: dict[type[Any], dict[str, Any]] = {
             AxisParams: ends or {"end": NoParams},
             PairParams: links or {"link": NoParams},
@@ -181,14 +144,14 @@ def entry(
         }
         pointers = [types.CPointer(_type_of(kind, parts)) for kind in kinds]
         signature = types.void(*pointers, *[types.int64] * wholes)
-        made = compiled.cached_c(function, signature, law)
+        made = compiled.cached_c(function, signature, law, modules)
         given = [ctypes.c_void_p] * len(kinds) + [ctypes.c_int64] * wholes
         _made[key] = ctypes.PYFUNCTYPE(None, *given)(made.address)
         _kept.append(made)
     return _made[key]
 
 
-_made: dict[tuple[str, Steps], Callable[..., None]] = {}
+_made: dict[tuple[Callable[..., None], Steps], Callable[..., None]] = {}
 
 
 _kept: list[Any] = []

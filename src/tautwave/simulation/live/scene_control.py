@@ -37,10 +37,11 @@ class CompiledSceneControl(SceneControl):
 
     def __init__(self, given: SceneControl) -> None:
         from tautwave.simulation.live.entry import entry
+        from tautwave.simulation.scene.entry import STEP_SCENE
 
         self.__dict__.update(given.__dict__)
         self._begun = False
-        self._entry = entry("step_scene", SCENE, parts_of(self.params))
+        self._entry = entry(STEP_SCENE, SCENE, parts_of(self.params))
         self._impedance = [p.impedance for p in self.params]
         self._inputs = view_of(np.zeros(INPUTS * len(self.params)))
 

@@ -21,6 +21,7 @@ from tautwave.scene.schemes.stepping import pull_links
 from tautwave.scene3d.live import Model3d
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.scene import steps as network_steps
+from tautwave.simulation.scene.sources import SOURCES
 from tautwave.simulation.scene.steps import Flows, Lines
 from tautwave.simulation.scene.tick3d import tick_network3d
 
@@ -54,13 +55,14 @@ def is_kept(*, scene3d: bool = False) -> bool:
 
     `scene3d`: those of three dimensions.
     """
-    return compiled.is_cached(tick_network3d if scene3d else network_steps.play_network)
+    entry = tick_network3d if scene3d else network_steps.play_network
+    return compiled.is_cached(entry, more=SOURCES)
 
 
 @functools.cache
 def compiled_play() -> Callable[..., int]:
     """Return `play_network` for numba; compiled at the first call, or read from the cache."""
-    return compiled.cached(network_steps.play_network)
+    return compiled.cached(network_steps.play_network, more=SOURCES)
 
 
 def play(

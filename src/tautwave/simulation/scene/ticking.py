@@ -15,6 +15,7 @@ from tautwave.simulation.kernel import compiled
 from tautwave.simulation.kernel.blocks import lay_out, put
 from tautwave.simulation.scene import tick as network_tick
 from tautwave.simulation.scene.playing import SCHEMES, flows_of
+from tautwave.simulation.scene.sources import SOURCES
 
 _WHOLE = (*INDEX_FIELDS, "flows.sizes", "flows.parts", "forced")
 
@@ -27,7 +28,7 @@ def can_tick() -> bool:
 @functools.cache
 def compiled_tick() -> Callable[..., int]:
     """Return `tick_network` for numba; compiled at the first call, or read from the cache."""
-    return compiled.cached(network_tick.tick_network)
+    return compiled.cached(network_tick.tick_network, more=SOURCES)
 
 
 class CompiledScene(SceneModel):

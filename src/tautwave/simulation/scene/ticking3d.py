@@ -14,6 +14,7 @@ from tautwave.scene3d.network import Network3d
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.kernel.blocks import lay_out, put
 from tautwave.simulation.scene import tick3d
+from tautwave.simulation.scene.sources import SOURCES
 
 SCHEMES = {
     "symplectic": tick3d.SYMPLECTIC,
@@ -25,7 +26,7 @@ SCHEMES = {
 @functools.cache
 def compiled_tick3d() -> Callable[..., int]:
     """Return `tick_network3d` for numba; compiled at the first call, or read from the cache."""
-    return compiled.cached(tick3d.tick_network3d)
+    return compiled.cached(tick3d.tick_network3d, more=SOURCES)
 
 
 class CompiledModel3d(Model3d):
