@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from _tools.markdown import table
-from tautwave.report.columns import SECTIONS
+from tautwave.report.columns import sections
 
 
 def columns_page() -> str:
@@ -15,7 +15,7 @@ def columns_page() -> str:
         " AXIS, PAIR, PORT and NODE are names of the rig. Units follow the axis, rotary first."
         " A rig records only the columns of what it has.\n",
     ]
-    for title, columns in SECTIONS.items():
+    for title, columns in sections().items():
         parts.append(f"## {title}\n")
         parts.append(
             table(

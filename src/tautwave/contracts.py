@@ -355,6 +355,24 @@ class CouplingPlugin(NamedTuple):
     tune: Any = ""
 
 
+class ControlPlugin(NamedTuple):
+    """Declaration behind a `tautwave.controls` entry point: what stands in place of a coupling.
+
+    The entry point's name is the key of the rig file that describes it. Every other field names a
+    module, imported where a rig has that key and no sooner: what one room of tautwave asks of it,
+    as the Protocol in `hooks.py` of that room says.
+    """
+
+    summary: str
+    config: str
+    rig: str
+    certificate: str
+    simulation: str
+    session: str
+    report: str
+    bench: str
+
+
 class CoupledAxis(NamedTuple):
     """Properties of an axis in the rig, for the constants of a coupling's end; SI.
 

@@ -20,6 +20,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from tautwave.contracts import (
+    ControlPlugin,
     CouplingPlugin,
     DriverPlugin,
     SimulatorPlugin,
@@ -31,6 +32,7 @@ from tautwave.wording import CouplingMessages
 DRIVERS = "tautwave.drivers"
 SIMULATORS = "tautwave.simulators"
 COUPLINGS = "tautwave.couplings"
+CONTROLS = "tautwave.controls"
 ENVIRONMENTS = "tautwave.environments"
 HANDS = "tautwave.hands"
 PARTS = {COUPLINGS: CouplingPlugin, ENVIRONMENTS: EnvironmentPlugin, HANDS: HandPlugin}
@@ -92,6 +94,37 @@ def load_coupling(name: str) -> CouplingPlugin:
     """
     plugin: CouplingPlugin = load_part(COUPLINGS, name)
     return plugin
+
+
+def load_control(key: str) -> ControlPlugin:
+    """Return what stands between the axes of a rig with this key, in place of a coupling.
+
+    Raises
+    ------
+    ConfigError
+        Its package is not installed, or does not import.
+    """
+    point = _find(CONTROLS).get(key)
+    if point is None or not _importable(point.module.partition(".")[0]):
+        package = f"tautwave_{key}s" if point is None else point.module.partition(".")[0]
+        raise ConfigError(
+            f"needs the package {package} of tautwave, which is not installed here; "
+            "pip install --force-reinstall --no-deps tautwave"
+        )
+    plugin: ControlPlugin = _load(CONTROLS, key, ControlPlugin)
+    return plugin
+
+
+@lru_cache(maxsize=32)
+def control_hooks(key: str, room: str) -> Any:
+    """Return the module that a room of tautwave calls for rigs with this key.
+
+    Raises
+    ------
+    ConfigError
+        As for `load_control`.
+    """
+    return import_module(getattr(load_control(key), room))
 
 
 def part_names(group: str) -> list[str]:

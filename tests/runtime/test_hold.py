@@ -143,10 +143,10 @@ def test_a_run_that_is_forced_stops_at_its_limit() -> None:
     assert isinstance(rows.error, SafetyStop)
     assert "drew more energy from its scene than it put in at" in str(rows.error)
     built = build_rig(rig, clock="fake")
-    assert built.scene is not None
-    assert built.scene.account is not None
+    assert built.control.scene is not None
+    assert built.control.scene.account is not None
     # At the stop it was overdrawn by one sample's creation, not by the whole contact's 1.5 J.
-    assert -rows["scene.hold"].min() < 4.0 * built.scene.account.allowance
+    assert -rows["scene.hold"].min() < 4.0 * built.control.scene.account.allowance
     late = rows["master.stick.commanded"][-5:]
     assert np.abs(late).max() < 1.0  # ramped down, not stopped dead
 
@@ -156,5 +156,5 @@ def test_an_instrument_that_feeds_has_no_account() -> None:
     link = "scene.links.feed={type: negative_damper, between: [object, ground], damping: 0.01}"
     rig = load_rig(path, [link, "scene.scheme=discrete_gradient"])
     built = build_rig(rig, clock="fake")
-    assert built.scene is not None
-    assert built.scene.account is None
+    assert built.control.scene is not None
+    assert built.control.scene.account is None

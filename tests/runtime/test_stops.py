@@ -50,7 +50,7 @@ def test_an_overrun_says_what_was_allowed() -> None:
 def scene_with(pulls: list[float], handed: list[list[float]], *more: str) -> SceneRun:
     """Return a scene of one port whose network pulls as given; `handed`: what pushed it."""
     built = build_rig(load_rig(CONFIGS / "scene-resonator.yaml", more), clock="fake")
-    scene = built.scene
+    scene = built.control.scene
     assert scene is not None
 
     def advance(_: Sequence[float], forces: Sequence[float]) -> list[float]:

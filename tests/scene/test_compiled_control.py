@@ -38,7 +38,7 @@ def rows_of(engine: str, name: str, changes: list[str], asked: int) -> tuple[Any
     result = loop.run()
     whole = np.array(sink.rows)
     kept = [at for at, column in enumerate(built.columns) if column not in TIMES]
-    elements = built.scene.model.elements()  # type: ignore[union-attr]
+    elements = built.control.scene.model.elements()  # type: ignore[union-attr]
     end = str(result.error), result.cycles, result.missed_cycles, result.lost, built.control.place()
     return whole[:, kept], end, elements, type(built.control).__name__, result.error
 

@@ -126,7 +126,7 @@ def test_compiled_steps_change_no_row():
     rig = load_rig(GRANULAR)
     built = build_rig(rig, clock="fake", duration_s=0.03)
     built = use_engine(built, "compiled")
-    assert type(built.scene.model) is not SceneModel
+    assert type(built.control.scene.model) is not SceneModel
     sink = Rows(len(built.columns))
     loop = scene_pace.Loop(built.clock, built.buses, built.control, built.sources, sink)
     assert loop.run().error is None

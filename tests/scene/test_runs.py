@@ -57,7 +57,7 @@ def test_shipped_scenes_run_and_their_books_close(name, duration):
     ramps = ("scene.engage_ramp_s=0", "scene.release_ramp_s=0")  # they take energy of their own
     result, data, built = run_rig(name, duration, *ramps)
     assert result.error is None
-    port = built.scene.model.network.ports[0]
+    port = built.control.scene.model.network.ports[0]
     assert np.abs(data[f"master.{port}.port_effort"]).max() > 0.05
     assert np.abs(data["scene.residual"]).max() < 1e-12
     # Hold: what the device gave, exactly, less what the network got.
@@ -106,11 +106,11 @@ def test_a_recording_replays_to_the_bit(name):
     more = ["scene.forces.strikes.per_second=40"] if name == "resonator" else []
     _, data, built = run_rig(name, 0.1, *more)
     rig = load_rig(CONFIGS / f"scene-{name}.yaml", more)
-    network = built.scene.model.network
+    network = built.control.scene.model.network
     port = network.ports[0]
     positions = data[f"master.{port}.position"]
     forces = scene_forces(rig, network, len(positions))
-    model = SceneModel(network, built.scene.model.scheme, rig.period_s)
+    model = SceneModel(network, built.control.scene.model.scheme, rig.period_s)
     model.reset([positions[0]])
     for k in range(len(positions)):
         (effort,) = model.advance([positions[k]], [force[k] for force in forces])

@@ -72,7 +72,7 @@ def test_a_recording_replays_to_the_bit():
     for k, where in enumerate(places):
         efforts = model.advance(where.tolist(), [force[k] for force in forces])
         assert efforts == [data[f"scene.asked.{name}"][k] for name in AXES]
-    assert built.scene.model.network == network
+    assert built.control.scene.model.network == network
 
 
 def test_one_axis_may_move_a_point_aslant_at_a_scale():

@@ -6,14 +6,15 @@ the scene keeps books, their residual and what they generated stand beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tautwave.bench.compiled import has_numba
-from tautwave.bench.result import Goal, Suite, Table, Value
+from tautwave.bench.hooks import bench_hooks
+from tautwave.bench.result import Goal, Group, Suite, Table, Value
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.rig import command_delays, end_constants, pair_scale
@@ -27,13 +28,6 @@ DECADES = tuple(10.0**power for power in range(10))
 SIZES = (0.0, 1e-6, 1e-3, 1.0, 100.0, 1e4)
 FACTORS = (1e-3, 1e-1, 10.0, 1e3, 1e5)
 TINY = (1e-300, 1e-308, 5e-324)
-
-
-class Group(NamedTuple):
-    """Rigs that differ in one thing; each has its overrides."""
-
-    name: str
-    rigs: tuple[tuple[str, ...], ...]
 
 
 class Outcome(NamedTuple):
@@ -56,7 +50,7 @@ def groups(rig: Rig) -> Iterator[Group]:
     """
     assert rig.simulation is not None
     if rig.scene is not None:
-        yield from _of_scene(rig)
+        yield from bench_hooks().extremes(rig)
     else:
         yield from _of_pairs(rig)
     moved = [name for name, axis in rig.axes.items() if axis.causality == "impedance"]
@@ -73,11 +67,11 @@ def groups(rig: Rig) -> Iterator[Group]:
         )
     yield Group(
         "encoder step, 1e-9 to 0.1",
-        _each((1e-9, 1e-3, 1e-2, 0.1), *(f"{_keys(name)}.encoder_quantum" for name in moved)),
+        each((1e-9, 1e-3, 1e-2, 0.1), *(f"{_keys(name)}.encoder_quantum" for name in moved)),
     )
     yield Group(
         "effort limit, 1e-6 to 1e-1 (saturated)",
-        _each((1e-6, 1e-3, 1e-1), *(f"{_keys(name)}.effort_limit" for name in moved)),
+        each((1e-6, 1e-3, 1e-1), *(f"{_keys(name)}.effort_limit" for name in moved)),
     )
 
 
@@ -113,12 +107,12 @@ def _of_devices(rig: Rig, moved: Sequence[str], truth: Sequence[str]) -> Iterato
                 for factor in (1e-6, 1e-3, 1e3, 1e6)
             ),
         )
-    yield Group("damping of devices, 0 to 1e4", _each(SIZES, *(f"{key}.damping" for key in truth)))
-    yield Group("Coulomb friction, 0 to 1e4", _each(SIZES, *(f"{key}.coulomb" for key in truth)))
+    yield Group("damping of devices, 0 to 1e4", each(SIZES, *(f"{key}.damping" for key in truth)))
+    yield Group("Coulomb friction, 0 to 1e4", each(SIZES, *(f"{key}.coulomb" for key in truth)))
     yield Group(
         "denormals: parameters of 1e-310",
-        _each((1e-310,), *(f"{key}.coulomb" for key in truth))
-        + _each((1e-310,), *(f"{key}.inertia" for key in truth)),
+        each((1e-310,), *(f"{key}.coulomb" for key in truth))
+        + each((1e-310,), *(f"{key}.inertia" for key in truth)),
     )
 
 
@@ -127,17 +121,17 @@ def _of_pairs(rig: Rig) -> Iterator[Group]:
     assert rig.simulation is not None
     pairs = rig.coupling.pairs
     around = rig.simulation.environment
-    stiff = [f"simulation.environment.{name}" for name in around if _has(around[name], "stiffness")]
+    stiff = [f"simulation.environment.{name}" for name in around if has(around[name], "stiffness")]
     if stiff:
         yield Group(
             "stiffness of the surroundings, 1 to 1e9",
-            _each(DECADES, *(f"{key}.stiffness" for key in stiff)),
+            each(DECADES, *(f"{key}.stiffness" for key in stiff)),
         )
-    lossy = [f"simulation.environment.{name}" for name in around if _has(around[name], "damping")]
+    lossy = [f"simulation.environment.{name}" for name in around if has(around[name], "damping")]
     if lossy:
         yield Group(
             "damping of the surroundings, 0 to 1e4",
-            _each(SIZES, *(f"{key}.damping" for key in lossy)),
+            each(SIZES, *(f"{key}.damping" for key in lossy)),
         )
     if around:
         places = {name: getattr(around[name], "position", 0.0) for name in around}
@@ -160,30 +154,28 @@ def _of_pairs(rig: Rig) -> Iterator[Group]:
         if getattr(pair, f"wall_{side}") is not None
     ]
     if walls:
-        yield Group("stiffness of local walls, 1 to 1e9", _each(DECADES, *walls))
+        yield Group("stiffness of local walls, 1 to 1e9", each(DECADES, *walls))
     waves = [
-        f"coupling.pairs.{name}" for name, pair in pairs.items() if _has(pair, "wave_impedance")
+        f"coupling.pairs.{name}" for name, pair in pairs.items() if has(pair, "wave_impedance")
     ]
-    springs = [f"coupling.pairs.{name}" for name, pair in pairs.items() if _has(pair, "stiffness")]
+    springs = [f"coupling.pairs.{name}" for name, pair in pairs.items() if has(pair, "stiffness")]
     if waves:
         yield Group(
             "wave impedance, 1e-6 to 1e6",
-            _each((1e-6, 1e-3, 1.0, 1e3, 1e6), *(f"{key}.wave_impedance" for key in waves)),
+            each((1e-6, 1e-3, 1.0, 1e3, 1e6), *(f"{key}.wave_impedance" for key in waves)),
         )
     elif springs:
         yield Group(
             "stiffness of the coupling, 1 to 1e9",
-            _each(DECADES, *(f"{key}.stiffness" for key in springs)),
+            each(DECADES, *(f"{key}.stiffness" for key in springs)),
         )
     if rig.link is None:
         periods = (0, 1, 20, 500, 5000)
         yield Group(
             "delay, 0 to 5000 samples",
-            _each([n * rig.period_s for n in periods], "coupling.delay_s"),
+            each([n * rig.period_s for n in periods], "coupling.delay_s"),
         )
-        yield from _rates(
-            ("coupling.delay_s=0.1", *(f"{key}.wave_filter_hz=null" for key in waves))
-        )
+        yield from rates(("coupling.delay_s=0.1", *(f"{key}.wave_filter_hz=null" for key in waves)))
     if waves and stiff:
         slaves = [
             f"simulation.axes.{name}.inertia=1e-6"
@@ -206,24 +198,7 @@ def _of_pairs(rig: Rig) -> Iterator[Group]:
         )
 
 
-def _of_scene(rig: Rig) -> Iterator[Group]:
-    """Yield what the masses, links and ports of a scene may be."""
-    assert rig.scene is not None
-    for block, key, values, what in (
-        ("links", "stiffness", DECADES, "stiffness of links, 1 to 1e9"),
-        ("links", "damping", SIZES, "damping of links, 0 to 1e4"),
-        ("ports", "stiffness", DECADES, "stiffness of ports, 1 to 1e9"),
-        ("masses", "mass", (1e-9, 1e-6, 1e-3, 1.0, 1e3), "mass of masses, 1e-9 to 1e3"),
-        ("masses", "damping", SIZES, "damping of masses, 0 to 1e4"),
-    ):
-        parts: Mapping[str, Any] = getattr(rig.scene, block, None) or {}
-        keys = [f"scene.{block}.{name}.{key}" for name, part in parts.items() if _has(part, key)]
-        if keys:
-            yield Group(what, _each(values, *keys))
-    yield from _rates(())
-
-
-def _rates(more: Sequence[str]) -> Iterator[Group]:
+def rates(more: Sequence[str]) -> Iterator[Group]:
     """Yield rates over four decades, each for `MOST_CYCLES` at most."""
     yield Group(
         "rate, 10 Hz to 100 kHz",
@@ -234,7 +209,8 @@ def _rates(more: Sequence[str]) -> Iterator[Group]:
     )
 
 
-def _each(values: Sequence[float], *keys: str) -> tuple[tuple[str, ...], ...]:
+def each(values: Sequence[float], *keys: str) -> tuple[tuple[str, ...], ...]:
+    """Return an override of all keys for each value."""
     return tuple(tuple(f"{key}={value!r}" for key in keys) for value in values)
 
 
@@ -243,7 +219,7 @@ def _keys(axis: str) -> str:
     return axis.replace(".", ".axes.", 1)
 
 
-def _has(block: object, key: str) -> bool:
+def has(block: object, key: str) -> bool:
     """Return whether a block states a number under a key."""
     return isinstance(getattr(block, key, None), int | float)
 
@@ -284,8 +260,7 @@ def books(rig: Rig, made: Simulation) -> tuple[float, float]:
         for name in rig.axes:
             flow += float(made[f"{name}.gross_flow"][-1])
         if rig.scene is not None:
-            residual = float(np.abs(made["scene.residual"]).max())
-            generated = max(0.0, float(made["scene.numeric"].max()))
+            residual, generated = bench_hooks().books(made)
             return (residual / flow, generated / flow) if flow > 1e-290 else (0.0, 0.0)
         balance: Any = np.zeros(len(made))
         for name in rig.axes:

@@ -112,3 +112,10 @@ def _write(table: Table, path: Path) -> Path:
     writer.writerows(table.rows)
     write_text(path, text.getvalue())
     return path
+
+
+class Group(NamedTuple):
+    """Rigs that differ in one thing; each has its overrides."""
+
+    name: str
+    rigs: tuple[tuple[str, ...], ...]

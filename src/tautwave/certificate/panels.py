@@ -1,4 +1,4 @@
-"""Shared parts of certificate pictures: a frequency axis, and the caption of a scene."""
+"""What pictures of certificates share: a frequency axis."""
 
 from __future__ import annotations
 
@@ -6,12 +6,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-SCENE = (
-    "The damping that the linear part of the scene, contacts open, needs from the device at each "
-    "frequency: it is passive for any hand where the device has more. With contacts closed: "
-    "see the text."
-)
 
 
 def decades(panel: Axes) -> None:

@@ -40,8 +40,9 @@ from tautwave.canvas import (
 from tautwave.certificate.belief import Contact, declared_delays, stated_contact
 from tautwave.certificate.couplings import coupling_verdict
 from tautwave.certificate.derate import derate_walls
+from tautwave.certificate.hooks import certificate_hooks
 from tautwave.certificate.loops import believed_end
-from tautwave.certificate.panels import SCENE, decades
+from tautwave.certificate.panels import decades
 from tautwave.certificate.walls import wall_name, wall_verdict
 from tautwave.config import Rig, local_wall
 from tautwave.files import write_bytes
@@ -76,7 +77,7 @@ def draw_certificate(rig: Rig, path: Path) -> None:
 def explanation(rig: Rig) -> list[str]:
     """Return the figure's caption, for readers who do not know the paper."""
     if rig.scene is not None:
-        return [SCENE]
+        return [certificate_hooks().caption()]
     texts = [WALLS] if _walls(rig) else []
     return texts if coupling_verdict(rig).picture else [*texts, PORTS]
 
@@ -88,14 +89,8 @@ def certificate_figure(rig: Rig) -> Figure:
     device has, and the plane of K and B with both limits. A row for the ports of a wave line.
     """
     delays = declared_delays(rig)
-    if rig.scene is not None and rig.scene.dimension == 3:
-        from tautwave.certificate.scene3d.picture import scene3d_certificate
-
-        return scene3d_certificate(rig, delays)
     if rig.scene is not None:
-        from tautwave.certificate.scene.picture import scene_certificate
-
-        return scene_certificate(rig, delays)
+        return certificate_hooks().figure(rig, delays)
     asked = rig
     rig, _ = derate_walls(rig, delays, {})
     rows: list[tuple[str, WallVerdict]] = []

@@ -16,6 +16,7 @@ from tautwave.certificate.buses import bus_elements, policy_elements
 from tautwave.certificate.couplings import coupling_verdict
 from tautwave.certificate.data import Certificate, Element, Verdict, join_verdicts
 from tautwave.certificate.derate import derate_walls
+from tautwave.certificate.hooks import certificate_hooks
 from tautwave.certificate.loops import pair_loop
 from tautwave.certificate.walls import wall_element
 from tautwave.config import Rig
@@ -54,16 +55,8 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
         A driver is not installed, or a number is out of range.
     """
     delays = declared_delays(rig)
-    if rig.scene is not None and rig.scene.dimension == 3:
-        from tautwave.certificate.scene3d.verdict import scene3d_certificate
-
-        return scene3d_certificate(rig, delays, PASSES)
     if rig.scene is not None:
-        from tautwave.certificate.scene.verdict import (
-            scene_certificate,  # load only what the rig uses
-        )
-
-        return scene_certificate(rig, delays, PASSES)
+        return certificate_hooks().certificate(rig, delays, PASSES)
     brakes = tuple(brake_elements(rig, delays))
     compensations = (*compensation_elements(rig, delays), *inertia_elements(rig, delays))
     friction = {

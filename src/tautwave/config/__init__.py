@@ -19,8 +19,6 @@ from tautwave.config.keys.rig import (
     simulation_of,
     true_arm,
 )
-from tautwave.config.keys.scene import Scene, SceneLink, ScenePort
-from tautwave.config.keys.scene3d import Link3d, Scene3d, Vector
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     Environment,
@@ -67,7 +65,6 @@ __all__ = [
     "Integrator",
     "Intent",
     "Link",
-    "Link3d",
     "Loop",
     "MinimumJerk",
     "Multisine",
@@ -77,16 +74,11 @@ __all__ = [
     "Recording",
     "Reference",
     "Rig",
-    "Scene",
-    "Scene3d",
-    "SceneLink",
-    "ScenePort",
     "Side",
     "Simulation",
     "SolidWall",
     "Spring",
     "TrueLoad",
-    "Vector",
     "Wall",
     "bus_spec",
     "calibration_of",

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tautwave.config.hooks import config_hooks
 from tautwave.config.inputs.recordings import find_recording
-from tautwave.config.inputs.sounds import complete_sound
 from tautwave.config.inputs.starts import recorded_starts
 from tautwave.config.keys.arm import Chain
 from tautwave.config.keys.coupling import Pair
@@ -20,8 +20,6 @@ from tautwave.config.keys.rig import (
     simulation_of,
     true_arm,
 )
-from tautwave.config.keys.scene import Scene
-from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     Hand,
@@ -45,7 +43,7 @@ def complete_rig(
     """Return the rig with every default made explicit.
 
     Options of drivers are filled in by the driver's model, `force_scale` from `position_scale`,
-    the truth of simulated axes from the belief; recordings and sounds get their whole path.
+    the truth of simulated axes from the belief; files get their whole path.
     """
     buses = {
         name: bus.model_copy(update={"options": _options(plugins[name], bus.options)})
@@ -56,7 +54,8 @@ def complete_rig(
         update={"buses": buses, "coupling": rig.coupling.model_copy(update={"pairs": pairs})}
     )
     if rig.scene is not None:
-        rig = rig.model_copy(update={"scene": _complete_scene(document, rig.scene)})
+        scene = config_hooks().complete(document, rig.scene)
+        rig = rig.model_copy(update={"scene": scene})
     if rig.link is not None and rig.link.trace is not None:
         found = find_recording(document, ("link", "trace"), rig.link.trace)
         rig = rig.model_copy(update={"link": rig.link.model_copy(update={"trace": str(found)})})
@@ -158,17 +157,6 @@ def axis_facts(rig: Rig, plugins: dict[str, DriverPlugin | None]) -> dict[str, A
             facts = plugin.facts(plugin.options.model_validate(bus.options), spec)
             known.update({axis.name: fact for axis, fact in zip(spec.axes, facts, strict=True)})
     return known
-
-
-def _complete_scene(document: Document, scene: Scene | Scene3d) -> Scene | Scene3d:
-    axes = scene.axes() if isinstance(scene, Scene3d) else list(scene.ports)
-    port = scene.output.port or axes[0]
-    forces = {
-        name: complete_sound(document, name, force) if force.type == "sound" else force
-        for name, force in scene.forces.items()
-    }
-    output = scene.output.model_copy(update={"port": port})
-    return scene.model_copy(update={"output": output, "forces": forces})
 
 
 def _complete_pair(pair: Pair) -> Pair:

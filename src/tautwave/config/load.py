@@ -12,10 +12,10 @@ from tautwave.config.checks.rig import check_parts
 from tautwave.config.complete import complete_rig
 from tautwave.config.defaults import expand_defaults
 from tautwave.config.halves import leave_other_half
+from tautwave.config.hooks import hooks_of
 from tautwave.config.inputs.chains import name_chains
 from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
 from tautwave.config.inputs.joints import order_axes
-from tautwave.config.inputs.meshes import name_meshes
 from tautwave.config.keys.common import AUTO, GREATEST, LEAST, outsized
 from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
 from tautwave.config.messages import unknown_key, validate
@@ -110,7 +110,9 @@ def finish_rig(
     name_option_files(document)
     name_chains(document)
     order_axes(document)
-    name_meshes(document)
+    hooks = hooks_of(document)
+    if hooks is not None:
+        hooks.name_files(document)
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)
     check_parts(document, take_apart(document, plugins))

@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 
 from tautwave.config.keys.chosen import named_block
 from tautwave.config.keys.common import Block, Positive
+from tautwave.config.keys.control import ControlKeys
 from tautwave.config.keys.coupling import AnyLaw, AnyPair, Coupling, Pair, pair_block
 from tautwave.config.keys.devices import Axis, Bus
 from tautwave.config.keys.link import Link
-from tautwave.config.keys.scene import Scene
-from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     EnvironmentPart,
@@ -60,8 +59,7 @@ class Parts(NamedTuple):
     truths: dict[str, AxisSimulation | None]
     hands: dict[str, Hand | HandPart | None]
     environments: dict[str, Block | None]
-    scene: Scene | None = None
-    scene3d: Scene3d | None = None
+    scene: ControlKeys | None = None
     link: Link | None = None
 
     def axes(self) -> Iterator[tuple[str, str, Axis]]:
@@ -110,10 +108,16 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
             for name, block in _named(get(("simulation", "hand")))
         },
         environments=environments,
-        scene=salvage(Scene, get(("scene",))),
-        scene3d=salvage(Scene3d, get(("scene",))),
+        scene=_scene(get(("scene",))),
         link=salvage(Link, get(("link",))),
     )
+
+
+def _scene(block: Any) -> ControlKeys | None:
+    if block is None:
+        return None  # no package is looked for
+    found: ControlKeys | None = salvage(ControlKeys.model_for(block), block)
+    return found
 
 
 def _coupling(block: Any) -> Coupling | None:

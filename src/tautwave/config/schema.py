@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from tautwave import registry
+from tautwave.config.hooks import config_hooks
 from tautwave.config.keys.chosen import part_keys
 from tautwave.config.keys.common import Block
+from tautwave.config.keys.control import SCENE, ControlKeys
 from tautwave.config.keys.coupling import law_blocks
 from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.simulation import EnvironmentPart, HandPart
@@ -25,6 +29,7 @@ def rig_schema() -> dict[str, Any]:
         belief = definitions["Axis"]["properties"][key]
         reference = belief.pop("$ref", None) or belief.pop("allOf")[0]["$ref"]
         belief["anyOf"] = [{"type": "number", "minimum": 0}, {"$ref": reference}]
+    _add_scene(schema)
     _add_drivers(definitions)
     _add_laws(definitions)
     for base in (HandPart, EnvironmentPart):
@@ -78,6 +83,22 @@ def _close_names(node: Any) -> None:
             _close_names(value)
     if isinstance(node, dict) and "patternProperties" in node:
         node.setdefault("additionalProperties", False)
+
+
+def _add_scene(schema: dict[str, Any]) -> None:
+    """Put the keys of the package in place of the block without keys, if it is installed."""
+    definitions = schema["$defs"]
+    bare = definitions.pop(ControlKeys.__name__)
+    try:
+        keys = TypeAdapter(config_hooks().blocks()).json_schema()
+    except ConfigError:
+        keys = {"type": "object", "description": bare["description"]}
+    known = {**definitions, **keys.pop("$defs", {})}
+    definitions.clear()
+    definitions.update(sorted(known.items()))
+    key = schema["properties"][SCENE]
+    key["title"] = SCENE.title()
+    key["anyOf"][0] = keys
 
 
 def _add_laws(definitions: dict[str, Any]) -> None:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from tautwave import registry
+from tautwave.config.keys.control import SCENE
+from tautwave.errors import ConfigError
+
 
 class Column(NamedTuple):
     """A kind of column: SIDE is master or slave, AXIS, PAIR and others are names of the rig."""
@@ -284,32 +288,16 @@ SECTIONS = {
         Column("plant.SIDE.AXIS.coulomb_loss", "J", "dissipated in its Coulomb friction"),
         Column("plant.SIDE.AXIS.environment_loss", "J", "dissipated in what it touches"),
     ),
-    "A scene": (
-        Column("scene.kinetic", "J", "now in the masses"),
-        Column("scene.stored", "J", "now in the links"),
-        Column("scene.lifted", "J", "now held against gravity"),
-        Column("scene.lost", "J", "dissipated by dampers, friction, plastic links and contacts"),
-        Column("scene.made", "J", "created by negative dampers and energy sources"),
-        Column("scene.numeric", "J", "created by a scheme that holds forces over a step"),
-        Column("scene.port_work", "J", "done by the ports"),
-        Column("scene.pumped", "J", "done by external forces"),
-        Column("scene.residual", "J", "residual of the network's energy balance: rounding"),
-        Column(
-            "scene.hold",
-            "J",
-            "energy that the network received beyond what the devices "
-            "supplied, due to the effort hold",
-        ),
-        Column(
-            "scene.asked.PORT", "N m, N", "effort commanded by the network at a port, before limits"
-        ),
-        Column(
-            "scene.at.NODE",
-            "m",
-            "position of a node; in three dimensions one column per coordinate",
-        ),
-    ),
 }
+
+
+def sections() -> dict[str, tuple[Column, ...]]:
+    """Return all sections, with those of the package behind `scene` if it is installed."""
+    try:
+        of_scene = registry.control_hooks(SCENE, "report").columns()
+    except ConfigError:
+        of_scene = {}
+    return {**SECTIONS, **of_scene}
 
 
 def unit_of(column: str, kind: str = "rotary", causality: str = "impedance") -> str:
@@ -326,7 +314,8 @@ def unit_of(column: str, kind: str = "rotary", causality: str = "impedance") -> 
     """
     if column.endswith((".absorbed", ".stored", ".dissipated")):
         return "J"
-    for columns in SECTIONS.values():
+    of_scene = column.startswith(f"{SCENE}.")
+    for columns in (sections() if of_scene else SECTIONS).values():
         for one in columns:
             if one.matches(column):
                 parts = one.unit.split("; ")

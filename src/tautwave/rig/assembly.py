@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.config import Rig, bus_spec, has_loads
@@ -14,6 +14,7 @@ from tautwave.registry import load_driver, load_simulator
 from tautwave.rig.calibrated import calibrated
 from tautwave.rig.carrying import side_loads
 from tautwave.rig.controller import follower_params, make_control
+from tautwave.rig.hooks import rig_hooks
 from tautwave.rig.truth import SEED_WORD, axis_model
 from tautwave.rig.ways import BusWay, Way, bus_ways
 from tautwave.runtime.carrying.driver import CarryingDriver
@@ -26,9 +27,6 @@ from tautwave.streams import OVERRUN, uniform_stream
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
 
-if TYPE_CHECKING:
-    from tautwave.runtime.scene.axes import SceneRun
-
 LOOPBACK = "loopback"
 STOPPING = ("watchdog_s", "unwatched", "unconfirmed")
 """What a driver says of its devices for when the host stops."""
@@ -38,7 +36,7 @@ DeviceMaker = Callable[[BusSpec, Sequence[AxisModel], int], Simulator]
 
 
 class Assembly(NamedTuple):
-    """A built rig. `columns` are those of a recorded row, in order; `scene` if there is one."""
+    """A built rig. `columns` are those of a recorded row, in order."""
 
     clock: Clock
     buses: Sequence[LoopBus]
@@ -46,7 +44,6 @@ class Assembly(NamedTuple):
     sources: Sequence[RowSource]
     simulators: Sequence[Simulator]
     columns: Sequence[str]
-    scene: SceneRun | None = None
 
     @property
     def delays(self) -> dict[str, CommandDelay]:
@@ -138,22 +135,14 @@ def build_rig(
     if has_loads(rig):
         loads, buses = carry_loads(rig, buses)
         sources.extend(loads)
-    scene = None
     control: Control
     if rig.scene is None:
         control = make_control(rig, delays, cycles)
     else:
-        from tautwave.rig.scene.network import build_scene
-
-        build = build_scene
-        if rig.scene.dimension == 3:
-            from tautwave.rig.scene.network3d import build_network3d as build
-
-        control = build(rig, delays, cycles)
-        scene = control.scene
+        control = rig_hooks().build(rig, delays, cycles)
     rows: list[RowSource] = [control, *sources]
     columns = [*TIMING_COLUMNS, *(name for source in rows for name in source.columns)]
-    return Assembly(the_clock, buses, control, rows, simulators, columns, scene)
+    return Assembly(the_clock, buses, control, rows, simulators, columns)
 
 
 def carry_loads(rig: Rig, buses: Sequence[LoopBus]) -> tuple[Sequence[SideLoad], list[LoopBus]]:

@@ -333,14 +333,14 @@ def pair_params(
 
 
 def run_params(rig: Rig, cycles: int, axes: int) -> RunParams:
-    """Return length, ramps and limits of a run."""
+    """Return length, limits and the coupling's ramps of a run."""
     rate = rig.rate_hz
-    ramps = rig.coupling if rig.scene is None else rig.scene
+    ramps = rig.coupling
     return RunParams(
         period_ns=rig.period_ns,
         cycles=cycles,
         axes=axes,
-        pairs=0 if rig.scene is not None else len(rig.coupling.pairs),
+        pairs=len(rig.coupling.pairs),
         engage_cycles=round(ramps.engage_ramp_s * rate),
         release_cycles=round(ramps.release_ramp_s * rate),
         missing_limit=rig.loop.missing_limit,

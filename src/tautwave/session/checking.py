@@ -23,6 +23,7 @@ from tautwave.session.facts import (
     pair_rows,
     pair_sentence,
 )
+from tautwave.session.hooks import session_hooks
 from tautwave.session.network import network_facts
 from tautwave.session.operating import scales_of
 from tautwave.session.plan import PlanItem, left_out, rig_plan
@@ -149,10 +150,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))
     if rig.scene is not None:
-        from tautwave.session.scene_pace import hold_fact, pace_fact
-
-        facts.append(("scene time", pace_fact(rig)))
-        facts.append(("scene limit", hold_fact(rig)))
+        facts += session_hooks().facts(rig)
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
         if rig.link is not None:
@@ -234,7 +232,7 @@ def _engagements(rig: Rig) -> str:
 
 def _coupling(rig: Rig) -> str:
     if rig.scene is not None:
-        return f"none: the master's axes touch a scene, {_scheme(rig)}"
+        return session_hooks().words(rig)
     return coupling_messages(rig).coupling(rig)
 
 
@@ -244,13 +242,3 @@ def _choices(rig: Rig) -> Iterator[tuple[str, str]]:
         _, pair, key = path.split(".")
         short = key if len(rig.coupling.pairs) == 1 else f"{pair}.{key}"
         yield f"{short} auto", choice.reason
-
-
-def _scheme(rig: Rig) -> str:
-    """Return the scheme that runs a scene, and whether `auto` chose it."""
-    assert rig.scene is not None
-    if rig.scene.dimension == 3 or rig.scene.scheme != "auto":
-        return f"scheme {rig.scene.scheme}"
-    from tautwave.rig.scene.network import scheme_choice
-
-    return f"scheme {scheme_choice(rig).scheme} (auto)"

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from tautwave.config import Axis, EnvironmentPart, Hand, HandPart, Rig, Wall
 from tautwave.config import Pair as PairKeys
 from tautwave.registry import driver_names
 from tautwave.rig import axis_integration
 from tautwave.session.facts import coupling_messages
+from tautwave.session.hooks import session_hooks
 from tautwave.session.network import network_words, receiver_words
 from tautwave.summary.model import Unused
-
-if TYPE_CHECKING:
-    from tautwave.config.keys.scene import Scene
-    from tautwave.config.keys.scene3d import Scene3d
 
 NOT_IN_RIG = "not in the rig"
 
@@ -72,69 +69,7 @@ def _coupling(rig: Rig) -> Iterator[PlanItem]:
 
 
 def _scene(rig: Rig) -> Iterator[PlanItem]:
-    if rig.scene is not None and rig.scene.dimension == 3:
-        yield from _scene3d(rig)
-        return
-    from tautwave.rig.scene.network import pruned_network, scene_of, scheme_choice
-
-    keys = scene_of(rig)
-    pruned = pruned_network(rig)
-    network = pruned.network
-    asked = rig.scene is not None and rig.scene.scheme == "auto"
-    reason = f"of the scene; auto: {scheme_choice(rig).why}" if asked else "of the scene"
-    yield _item(f"scheme {keys.scheme}", True, reason)
-    size = f"{len(network.masses)} masses, {len(network.links)} links"
-    if network.strings:
-        size += f", {len(network.strings)} strings"
-    yield _item("scene", True, size)
-    for name, port in keys.ports.items():
-        why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
-        yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the axis")
-    if keys.discretise == "with_device":
-        yield _item(
-            "discretised with the device", True, "modified parameters that preserve its modes"
-        )
-    yield _item("gravity", keys.gravity != 0.0, f"{keys.gravity:g} m/s^2", "0")
-    yield from _around(keys, pruned.left_out)
-
-
-def _scene3d(rig: Rig) -> Iterator[PlanItem]:
-    from tautwave.rig.scene.network3d import pruned_network3d, scene3d_of
-
-    keys = scene3d_of(rig)
-    pruned = pruned_network3d(rig)
-    network = pruned.network
-    yield _item(f"scheme {keys.scheme}", True, "of the scene, in three dimensions")
-    size = f"{len(network.masses)} masses, {len(network.links)} links"
-    yield _item("scene", True, size)
-    for name, body in keys.tissues.items():
-        count = sum(element.tissue == name for element in network.elements)
-        relax = ", ".join(f"{b.share:g} in {b.time_s:g} s" for b in body.branches)
-        what = f"{count} tetrahedra of {body.young:g} Pa" + (f", relaxing {relax}" if relax else "")
-        yield _item(f"tissue {name}", count > 0, what, "no port feels it")
-    for name, port in keys.ports.items():
-        moved = f"moved by {', '.join(keys.movers_of(name))}"
-        moved += f", turned by {', '.join(port.turns)}" if port.turns else ""
-        moved += f", {len(port.points)} points" if port.points else ""
-        yield _item(f"port {name}", True, moved)
-        why = "" if port.stiffness is None else f"k_c {port.stiffness:g} to {port.to}"
-        yield _item(f"coupling spring of {name}", port.to is not None, why, "links are at the port")
-    pulls = ", ".join(f"{part:g}" for part in network.gravity)
-    yield _item("gravity", any(network.gravity), f"[{pulls}] m/s^2", "0")
-    yield from _around(keys, pruned.left_out)
-
-
-def _around(keys: Scene | Scene3d, sentences: Iterable[str]) -> Iterator[PlanItem]:
-    """Common part of one- and three-dimensional scenes."""
-    for name, force in keys.forces.items():
-        yield _item(f"force {name}", True, f"{force.type} on {force.on}")
-    for sentence in sentences:
-        part, _, reason = sentence.partition(": ")
-        yield PlanItem(part, "left out", reason)
-    yield _item("engage ramp", keys.engage_ramp_s > 0, f"{keys.engage_ramp_s:g} s", "its time is 0")
-    yield _item(
-        "release ramp", keys.release_ramp_s > 0, f"{keys.release_ramp_s:g} s", "its time is 0"
-    )
+    yield from (_item(*line) for line in session_hooks().plan(rig))
 
 
 def _pair(rig: Rig, name: str, keys: PairKeys) -> Iterator[PlanItem]:

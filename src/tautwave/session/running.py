@@ -31,6 +31,7 @@ from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
 from tautwave.session.engine import compiled_devices, scene_devices, with_engine
 from tautwave.session.facts import pair_facts, summary_claims
+from tautwave.session.hooks import session_hooks
 from tautwave.session.keeping import run_directory
 from tautwave.session.network import link_claims
 from tautwave.session.operating import (
@@ -151,11 +152,9 @@ def run(
         refuse_uncertified(at_scale, found)
     engine = None
     if rig.scene is not None:
-        from tautwave.session.scene_pace import choose_engine, use_engine
-
         if progress is not None and clock == "real":
             progress(0.0, "measuring the scene")
-        engine = choose_engine(rig, clock, ways)
+        engine = session_hooks().choose_engine(rig, clock, ways)
         if progress is not None:
             for sentence in engine.warnings():
                 progress(0.0, sentence)
@@ -187,7 +186,7 @@ def run(
         sources = [*live, *posted]
         assembly = with_operation(rig, with_engine(rig, assembly), scripts, sources, link)
         if engine is not None:
-            assembly = use_engine(assembly, engine.name)
+            assembly = session_hooks().use_engine(assembly, engine.name)
         with (
             tuning_of(rig, assembly, allow_tuning) as tuning,
             cameras_of(rig, clock, directory) as cameras,
@@ -211,11 +210,8 @@ def run(
         extra["cameras"] = {name: checked(Camera, one) for name, one in cameras.items()}
     if tuning is not None:
         extra["tuning"] = tuple(checked(Tuned, one) for one in tuning.summary())
-    if assembly.scene is not None:
-        name = "python" if engine is None else engine.name
-        extra["scene"] = checked(
-            Scene, {"engine": name, "elements": assembly.scene.model.elements()}
-        )
+    if engine is not None:
+        extra["scene"] = checked(Scene, session_hooks().summary(assembly, engine.name))
     if link is not None:
         extra["link"] = site = checked(Site, link.summary(rig, assembly))
         pairs = with_sessions(pairs, site)
@@ -261,11 +257,9 @@ def _other_site(
 
 
 def _kept_text(rig: Rig, directory: Path) -> str:
-    """Return the rig.yaml of a run; copies of its sounds are beside it."""
+    """Return the rig.yaml of a run; copies of a scene's files are beside it."""
     if rig.scene is not None:
-        from tautwave.rig.scene.network import keep_sounds
-
-        rig = keep_sounds(rig, directory)
+        rig = session_hooks().keep_files(rig, directory)
     return resolved_yaml(rig)
 
 

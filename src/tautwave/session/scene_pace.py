@@ -9,9 +9,10 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.config import Rig
+from tautwave.config.keys.scene3d import Scene3d
 from tautwave.errors import BusBudgetError, TautwaveError
 from tautwave.rig import Assembly, BusWay, Way, build_rig, bus_ways, command_delays
-from tautwave.rig.scene.network import hold_claim, hold_limit
+from tautwave.rig.scene.network import hold_claim, hold_limit, keys_of
 from tautwave.runtime.loop import Loop
 from tautwave.runtime.machine import quiet_collector
 from tautwave.runtime.scene.axes import SceneControl
@@ -119,7 +120,7 @@ def _step_alone(rig: Rig, engine: str, cycles: int) -> float:
 
 def _alone(rig: Rig) -> tuple[SceneModel | Model3d, list[float]]:
     """Return a rig's scene without its devices, and where its ports are when they read 0."""
-    if rig.scene is not None and rig.scene.dimension == 3:
+    if isinstance(rig.scene, Scene3d):
         from tautwave.rig.scene.network3d import pruned_network3d, scene3d_of
         from tautwave.scene3d.live import Model3d
 
@@ -153,7 +154,7 @@ def choose_engine(rig: Rig, clock: str, ways: Mapping[str, BusWay] | None = None
         On the real clock, if not even those keep it.
     """
     asked = _asked(rig)
-    if clock != "real" or rig.scene is None:
+    if clock != "real":
         return Engine("compiled" if asked == "compiled" else "python", ())
     pace = None if asked == "compiled" else scene_pace(rig, ways=ways)
     if pace is None or (asked == "auto" and pace.share > EASY and _has_numba()):
@@ -174,16 +175,16 @@ def use_engine(assembly: Assembly, engine: str) -> Assembly:
     The controller of the axes goes with them, except that strings and three dimensions are stepped
     by themselves.
     """
-    scene = assembly.scene
-    if scene is None or engine != "compiled":
+    given = assembly.control
+    if engine != "compiled" or not isinstance(given, SceneControl):
         return assembly
+    scene = given.scene
     model = scene.model = _compiled(scene.model)
     if not isinstance(model, SceneModel) or model.strings:
         return assembly
     from tautwave.simulation.live.scene_control import CompiledSceneControl
 
-    assert isinstance(assembly.control, SceneControl)
-    control = CompiledSceneControl(assembly.control)
+    control = CompiledSceneControl(given)
     return assembly._replace(control=control, sources=[control, *assembly.sources[1:]])
 
 
@@ -228,7 +229,7 @@ def _remedy(rig: Rig, pace: ScenePace) -> str:
 
 def _asked(rig: Rig) -> str:
     """Return the engine a rig names."""
-    return "python" if rig.scene is None else rig.scene.engine
+    return keys_of(rig).engine
 
 
 def _has_numba() -> bool:

@@ -17,9 +17,11 @@ from tautwave.controller.stops import never_began
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.rig import build_rig, coupling_law
 from tautwave.runtime.control import CoupledControl
+from tautwave.simulation.hooks import simulation_hooks
 from tautwave.simulation.kernel.pack import Job, pack_rig
 from tautwave.simulation.kernel.run import run_rig
 from tautwave.simulation.kernel.tables import Tables, object_tables, record_tables
+from tautwave.simulation.memory import run_in_memory
 from tautwave.simulation.outcome import error_of
 from tautwave.simulation.rows import Simulation
 
@@ -65,9 +67,7 @@ def simulate(rig: Rig, *, duration_s: float | None = None, engine: str = "compil
 
 def _simulate(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
     if rig.scene is not None:
-        from tautwave.simulation.scene.live import simulate_scene
-
-        return simulate_scene(rig, duration_s, engine)
+        return simulation_hooks().simulate(rig, duration_s, engine)
     if has_plain_devices(rig):
         return _simulate_live(rig, duration_s)
     check_engine(engine)
@@ -122,9 +122,7 @@ def simulate_pieces(
 def is_compiled(rig: Rig) -> bool:
     """Return whether what a compiled simulation of a rig runs is in the cache."""
     if rig.scene is not None:
-        from tautwave.simulation.scene.playing import is_kept
-
-        return is_kept(scene3d=rig.scene.dimension == 3)
+        return simulation_hooks().is_compiled(rig)
     from tautwave.simulation.kernel.compiled import is_cached
     from tautwave.simulation.kernel.run import run_law
 
@@ -141,8 +139,6 @@ def why_not_compiled(err: Exception) -> str:
 
 def _simulate_live(rig: Rig, duration_s: float | None) -> Simulation:
     """Return the rows of a rig whose devices stay in Python: the live loop in memory."""
-    from tautwave.simulation.memory import run_in_memory
-
     built = build_rig(rig, clock="fake", duration_s=duration_s)
     if rig.loop.engine == "compiled" and isinstance(built.control, CoupledControl):
         from tautwave.simulation.live.control import CompiledControl

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.bench.compiled import NO_NUMBA, has_numba
+from tautwave.bench.hooks import bench_hooks
 from tautwave.bench.precision.points import Point, Scene, pareto
 from tautwave.bench.result import Suite, Table, Value, machine
 from tautwave.config import Rig, load_rig
@@ -26,9 +27,6 @@ TOLERANCES = {
 }
 LONGEST_S = {False: 4.0, True: 10.0}
 """So much of a rig is simulated [s]: once for each point."""
-
-SCENE_S = {False: 0.2, True: 0.5}
-"""So much of a scene [s]: with contacts, any two runs diverge sooner or later."""
 
 ROUNDS = {False: 4, True: 6}
 
@@ -86,24 +84,14 @@ def workprecision(
 def _measured(
     rig: Rig, path: Path, changes: tuple[str, ...], full: bool, begin_s: float, max_error: float
 ) -> Scene:
-    rounds = ROUNDS[full]
     if rig.scene is not None:
-        from tautwave.bench.precision.scenes import SceneRig, network_scene
-
-        left = rig.duration_s - begin_s
-        if not left > 0.0:
-            raise ConfigError(
-                f"--begin {begin_s:g}: {path} lasts for {rig.duration_s:g} s; give less than that"
-            )
-        span_s = min(SCENE_S[full], left)
-        scene = SceneRig(rig.name, path, begin_s, span_s, "the scene along its hand", changes)
-        return network_scene(scene, full, max_error, rounds)
+        return bench_hooks().precision(rig, path, changes, full, begin_s, max_error)
     from tautwave.bench.precision.rigs import ORACLE, RigScene, rig_scene
 
     above = tuple(t for t in TOLERANCES[full] if t > 5.0 * ORACLE)  # the oracle is no point
     seconds = min(LONGEST_S[full], rig.duration_s)
     named = RigScene(rig.name, path, changes)
-    return rig_scene(named, SUBSTEPS[full], above, max_error, seconds, rounds)
+    return rig_scene(named, SUBSTEPS[full], above, max_error, seconds, ROUNDS[full])
 
 
 def scene_table(scene: Scene, max_error: float) -> Table:

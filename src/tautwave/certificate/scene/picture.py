@@ -22,7 +22,8 @@ from tautwave.canvas import (
     plain,
     text_panel,
 )
-from tautwave.certificate.panels import SCENE, decades
+from tautwave.certificate.panels import decades
+from tautwave.certificate.scene.caption import SCENE
 from tautwave.certificate.scene.maps import law_over, leak_over, needed
 from tautwave.certificate.scene.verdict import LARGE
 from tautwave.config import Rig

@@ -20,7 +20,8 @@ from tautwave.canvas import (
     panels,
     text_panel,
 )
-from tautwave.certificate.panels import SCENE, decades
+from tautwave.certificate.panels import decades
+from tautwave.certificate.scene.caption import SCENE
 from tautwave.certificate.scene.joint import leak_together, needed_together, seen
 from tautwave.certificate.scene3d.maps import levers, network3d_map
 from tautwave.certificate.scene3d.verdict import LARGE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from typing import Any
 
@@ -9,12 +10,12 @@ from tautwave import registry
 from tautwave.config.checks.arms import check_arms
 from tautwave.config.checks.link import check_link
 from tautwave.config.checks.operate import check_operate
-from tautwave.config.checks.scene import check_presence, check_scene
-from tautwave.config.checks.scene3d import check_dimension, check_scene3d
 from tautwave.config.checks.simulation import check_simulation
 from tautwave.config.checks.sites import check_sites
+from tautwave.config.hooks import hooks_of
 from tautwave.config.keys.coupling import Pair, Wall
 from tautwave.config.keys.devices import Axis, Compensation
+from tautwave.config.keys.rig import Rig
 from tautwave.config.pieces import SIDES, Parts
 from tautwave.config.text.document import Document, nearest, show_path, show_value
 from tautwave.contracts import CouplingPlugin, DriverPlugin
@@ -29,11 +30,10 @@ def check_parts(document: Document, parts: Parts) -> None:
     _check_ids(document, parts)
     for side, name, axis in parts.axes():
         _check_axis(document, parts, side, name, axis)
-    if check_presence(document):
-        check_dimension(document)
-        check_scene(document, parts)
-        if parts.scene3d is not None:
-            check_scene3d(document, parts, parts.scene3d)
+    _check_presence(document)
+    hooks = hooks_of(document)
+    if hooks is not None:
+        hooks.check(document, parts)
     _check_coupling(document, parts)
     check_link(document, parts, _law(parts))
     _check_names(document, parts)
@@ -44,6 +44,23 @@ def check_parts(document: Document, parts: Parts) -> None:
     check_operate(document, parts)
     check_simulation(document, parts)
     check_sites(document, parts, _law(parts))
+
+
+def _check_presence(document: Document) -> None:
+    """Note a rig that has neither scene nor slave, or both."""
+    value = document.value
+    if value.get("scene") is not None:
+        for key in ("slave", "coupling"):
+            if key in value:
+                document.report(
+                    (key,), "not allowed in a rig with a scene; remove this block or the scene"
+                )
+        return
+    unknown = [str(key) for key in value if key not in Rig.model_fields]
+    for key in ("slave", "coupling"):
+        misspelt = any(difflib.get_close_matches(word, [key], n=1) for word in unknown)
+        if key not in value and not misspelt:
+            document.report((key,), "required key is missing")
 
 
 def _check_timing(document: Document, parts: Parts) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from tautwave.config.inputs.sounds import check_sound
-from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.scene import Scene, ScenePort
 from tautwave.config.keys.scene3d import Scene3d
 from tautwave.config.pieces import Parts
@@ -21,29 +19,8 @@ GROUND = "ground"
 LINEAR = ("spring", "damper")
 
 
-def check_presence(document: Document) -> bool:
-    """Note a rig that has neither scene nor slave, or both; return whether it has a scene."""
-    value = document.value
-    if value.get("scene") is not None:
-        for key in ("slave", "coupling"):
-            if key in value:
-                document.report(
-                    (key,), "not allowed in a rig with a scene; remove this block or the scene"
-                )
-        return True
-    unknown = [str(key) for key in value if key not in Rig.model_fields]
-    for key in ("slave", "coupling"):
-        misspelt = any(difflib.get_close_matches(word, [key], n=1) for word in unknown)
-        if key not in value and not misspelt:
-            document.report((key,), "required key is missing")
-    return False
-
-
-def check_scene(document: Document, parts: Parts) -> None:
+def check_scene(document: Document, parts: Parts, scene: Scene) -> None:
     """Note mistakes between the blocks of a scene, each of which is valid on its own."""
-    scene = parts.scene
-    if scene is None:
-        return
     fixed = [GROUND, *scene.grounds]
     known = [*scene.masses, *scene.strings, *scene.ports, *fixed]
     _check_twice(document, scene, known)

@@ -7,19 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag
+from pydantic import Field, PrivateAttr
 
 from tautwave import formats
 from tautwave.config.keys.arm import Chain
 from tautwave.config.keys.calibration import AxisCalibration, Calibration
 from tautwave.config.keys.common import Block, Name, Positive
+from tautwave.config.keys.control import AnyControl
 from tautwave.config.keys.coupling import AnyCoupling, Coupling, Loop
 from tautwave.config.keys.devices import Axis, Bus, Camera, EffortSensor, Side
 from tautwave.config.keys.link import Link
 from tautwave.config.keys.load import TrueLoad
 from tautwave.config.keys.operate import Operate
-from tautwave.config.keys.scene import Scene
-from tautwave.config.keys.scene3d import Scene3d, scene_kind
 from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Policy, Simulation
 from tautwave.config.keys.sites import SideName, Sites
 from tautwave.contracts import AxisSpec, BusSpec, DriverPlugin
@@ -50,12 +49,6 @@ def _no_slave() -> Side:
 
 def _no_coupling() -> Coupling:
     return Coupling(pairs={})
-
-
-AnyScene = Annotated[
-    Annotated[Scene, Tag("Scene")] | Annotated[Scene3d, Tag("Scene3d")],
-    Discriminator(scene_kind),
-]
 
 
 class Rig(Block):
@@ -101,7 +94,7 @@ class Rig(Block):
         default=None,
         description="A network between both sides, instead of the line of constant delay.",
     )
-    scene: AnyScene | None = Field(
+    scene: AnyControl | None = Field(
         default=None, description="A network of masses and links to touch, instead of a slave."
     )
     operate: Operate | None = Field(

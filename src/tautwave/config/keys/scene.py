@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+from tautwave.config.keys.control import ControlKeys
 
 Exponent = Annotated[float, Field(ge=1, le=10)]
 Ends = Annotated[
@@ -246,7 +247,7 @@ class SceneOutput(Block):
     highpass_hz: Positive = Field(default=20.0, description="[Hz] Corner.")
 
 
-class Scene(Block):
+class Scene(ControlKeys):
     """A mass-interaction network under the hand."""
 
     dimension: Literal[1] = Field(

@@ -11,10 +11,11 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
+from tautwave.config.keys.control import ControlKeys
 from tautwave.config.keys.scene import (
     BowLink,
     ContactLink,
@@ -28,6 +29,7 @@ from tautwave.config.keys.scene import (
     NoiseForce,
     NonlinearLink,
     PlasticLink,
+    Scene,
     SceneOutput,
     SineForce,
     SoundForce,
@@ -212,7 +214,7 @@ class Sound3d(SoundForce):
 Force3d = Annotated[Sine3d | Noise3d | Taps3d | Sound3d, Field(discriminator="type")]
 
 
-class Scene3d(Block):
+class Scene3d(ControlKeys):
     """A network of points in three dimensions under the hand."""
 
     dimension: Literal[3] = Field(description="3: points in space; leave it out for one dimension.")
@@ -340,3 +342,9 @@ def scene_kind(value: Any) -> str:
     """Return which block a `scene` is: `Scene3d` if its dimension is 3, else `Scene`."""
     spatial = isinstance(value, dict) and value.get("dimension") == 3
     return "Scene3d" if spatial or isinstance(value, Scene3d) else "Scene"
+
+
+AnyScene = Annotated[
+    Annotated[Scene, Tag("Scene")] | Annotated[Scene3d, Tag("Scene3d")],
+    Discriminator(scene_kind),
+]

@@ -18,6 +18,7 @@ from tautwave.config import Bus, Rig, Simulation
 from tautwave.errors import TautwaveError
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.resampling import distance, resampled
+from tautwave.report.hooks import report_hooks
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.units import number
 from tautwave.simulation.kernel.pack import Job, pack_rig
@@ -66,9 +67,7 @@ def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
         The rig cannot be replayed.
     """
     if rig.scene is not None:
-        from tautwave.report.precision.scene import scene_precision
-
-        return scene_precision(run, rig)
+        return report_hooks().precision(run, rig)
     if not rig.coupling.pairs or run.rows < 3:
         return {"error": "no coupled pair, or almost no rows, to replay"}
     taken = (block(run.summary, "buses", bus).get("way") for bus in rig.buses)

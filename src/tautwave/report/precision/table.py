@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from tautwave.config.keys.control import SCENE
 from tautwave.report.precision.messages import share
-from tautwave.report.precision.scene_table import scene_sentences, scene_tables
+from tautwave.report.run.page_hooks import page_hooks
 from tautwave.report.run.rundir import Run, axis_kind, block
 from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity
@@ -28,8 +29,8 @@ def precision_sentences(run: Run) -> Iterator[str]:
         yield f"Not computed: {precision['error']}."
     if "span_s" not in precision:
         return
-    if precision.get("kind") == "scene":
-        yield from scene_sentences(precision)
+    if precision.get("kind") == SCENE:
+        yield from page_hooks().precision_sentences(precision)
         return
     span = quantity(precision["span_s"], "s")
     reach = f"the whole run, {span}" if precision.get("whole") else f"the first {span} of the run"
@@ -78,8 +79,8 @@ def _why_not(summary: dict[str, Any]) -> str:
 def precision_tables(run: Run) -> Iterator[Table]:
     """Yield one table per pair."""
     precision = block(run.summary, "precision")
-    if precision.get("kind") == "scene" and "span_s" in precision:
-        yield from scene_tables(precision)
+    if precision.get("kind") == SCENE and "span_s" in precision:
+        yield from page_hooks().precision_tables(precision)
     for pair, found in block(precision, "pairs").items():
         if precision.get("kind") == "hardware":
             yield _hardware(run, pair, found)

@@ -19,7 +19,8 @@ from tautwave.report.html import (
 )
 from tautwave.report.run import tables
 from tautwave.report.run.operation import episode_table, journal_table
-from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_parts, scene_parts
+from tautwave.report.run.page_hooks import page_hooks
+from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_parts
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import outcome, uncertified, verdicts
 from tautwave.report.units import plural, quantity
@@ -97,7 +98,7 @@ def _motion(run: Run) -> Iterator[Part]:
     yield from pair_parts(run)
     yield from _arms(run)
     if run.ports:
-        yield from scene_parts(run)
+        yield from page_hooks().parts(run)
     yield from _link(run)
     yield from _books(run)
     yield from _precision(run)

@@ -1,4 +1,4 @@
-"""The parts of the page that have figures: pairs, the scene, the certificate."""
+"""The parts of the page that have figures: pairs, the certificate."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from tautwave.canvas import alone, svg
 from tautwave.errors import TautwaveError
 from tautwave.files import write_bytes, write_text
-from tautwave.report.html import anchor, folded, image, picture, sound, table
+from tautwave.report.html import anchor, image, picture, table
 from tautwave.report.run import tables
 from tautwave.report.run.rundir import Run, block
 from tautwave.report.run.verdicts import describe_pair, units_of
 from tautwave.report.run.views import EnergyView, PairView, view_energy, view_pair
-from tautwave.report.units import plural, quantity
+from tautwave.report.units import quantity
 from tautwave.summary.markup import Markup
 
 if TYPE_CHECKING:
@@ -85,9 +85,6 @@ class File(NamedTuple):
             self.caption, word, name, name
         )
 
-
-FOLDED = 15
-"""Rows above which a scene's account is folded."""
 
 Part = Markup | Picture | Still | File
 
@@ -188,40 +185,6 @@ def _contacts(run: Run, view: PairView) -> Iterator[Markup]:
             "nor a virtual wall."
         )
     yield Markup('<p class="note">{}</p>').format(note)
-
-
-def scene_parts(run: Run) -> Iterator[Part]:
-    """Yield the figure of a scene, a still, its animation and sound, and its account."""
-    yield Markup('<h2 id="scene">Scene</h2>')
-    from tautwave.report.scene.files import shown
-
-    seen = shown(run)
-    if seen is None:
-        yield Markup('<p class="note">The scene was not recorded.</p>')
-        return
-    yield Markup('<p class="soft">{}</p>').format(seen.summary)
-    yield Picture("scene", seen.figure(), "positions, efforts and energies of the scene")
-    caption = "The scene at the largest force on the device."
-    yield Still("scene-still", seen.still(False), seen.still(True), "the scene, drawn", caption)
-    yield from _files(run.directory)
-    account = tables.scene_table(run)
-    if len(account.rows) > FOLDED:
-        title = f"{account.title}: {plural(len(account.rows), 'element')}"
-        yield from folded(title, [table(account._replace(title=""))])
-    else:
-        yield table(account)
-
-
-def _files(directory: Path) -> Iterator[Part]:
-    moving, heard = directory / "scene.gif", directory / "output.wav"
-    if moving.is_file():
-        alt = "the scene, moving"
-        yield Markup("<details><summary>The scene, moving</summary>")
-        yield File(moving, lambda data: image(data, "gif", alt), "The scene, moving")
-        yield Markup("</details>")
-    if heard.is_file():
-        label = "Sound: the force on the device, high-passed"
-        yield File(heard, lambda data: sound(data, label), label)
 
 
 def certificate_picture(run: Run) -> Picture | str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tautwave.report.figures.envelope import Floats
+from tautwave.report.hooks import report_hooks
 from tautwave.report.link import link_figures
 from tautwave.report.motors import given_energy, motor_energy, worst_moment
 from tautwave.report.run.rundir import (
@@ -62,7 +63,7 @@ def rebuild_summary(run: Run) -> dict[str, Any]:
         ),
     }
     if run.ports:
-        summary["energy_j"] = scene_books(run)
+        summary["energy_j"] = report_hooks().books(run)
     summary["energy_j"].update(_motors(run, pairs))
     summary["axes"] = _axes(run)
     return summary
@@ -81,32 +82,6 @@ def _motors(run: Run, pairs: dict[str, Any]) -> dict[str, float]:
     if motors and all("stated_debt" in each for each in motors):
         found["stated_debt"] = sum(float(each["stated_debt"]) for each in motors)
     return found
-
-
-def scene_books(run: Run) -> dict[str, float | None]:
-    """Totals of a scene's books [J]: gross flow, residual, and what was fed into it.
-
-    `generated` is the energy from negative dampers and sources, what held efforts gave back beyond
-    what the devices put in, and what the scheme itself created.
-    """
-    names = ("residual", "hold", "made", "numeric", "pumped", "kinetic", "stored")
-    read = {name: run.read(f"scene.{name}").get(f"scene.{name}") for name in names}
-    found = {name: values for name, values in read.items() if values is not None}
-    gross = sum(
-        float(v[-1]) for p in run.ports for v in run.read(f"master.{p}.gross_flow").values()
-    )
-    for name in ("pumped", "made"):
-        if name in found:
-            gross += float(np.abs(np.diff(found[name])).sum())
-    inside = [found[name] for name in ("kinetic", "stored") if name in found]
-    if inside:
-        gross += float(np.max(np.sum(inside, axis=0)))
-    residual = float(np.max(np.abs(found["residual"]))) if "residual" in found else 0.0
-    fed = float(found["made"][-1]) if "made" in found else 0.0
-    for name, sign in (("hold", -1.0), ("numeric", 1.0)):
-        if name in found:
-            fed += max(0.0, float(np.max(sign * found[name])))
-    return {"gross_flow": gross, "residual": _known(residual), "generated": fed}
 
 
 def _known(value: float) -> float | None:

@@ -158,11 +158,6 @@ def block(tree: Any, *keys: str) -> dict[str, Any]:
     return dict(tree) if isinstance(tree, Mapping) else {}
 
 
-def is_scene3d(run: Run) -> bool:
-    """Whether a run had a scene of three dimensions."""
-    return block(run.rig, "scene").get("dimension") == 3
-
-
 def pair_settings(run: Run, pair: str) -> dict[str, Any]:
     """The rig file's block for `pair`, empty without a rig file."""
     return block(run.rig, "coupling", "pairs", pair)

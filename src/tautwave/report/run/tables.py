@@ -73,29 +73,6 @@ def element_table(run: Run) -> Table:
 _ACCOUNT = ("absorbed", "stored", "dissipated", "generated")
 
 
-def scene_table(run: Run) -> Table:
-    """The account of every mass, link, port and string of a scene at the end of the run."""
-    elements = block(run.summary, "scene", "elements")
-    keys = ("kinetic", "stored", "lost", "made", "pumped", "work", "numeric")
-    rows = []
-    touched = {
-        name: account for name, account in elements.items() if any(account.get(key) for key in keys)
-    }
-    for name, account in list(touched.items())[:MOST_ELEMENTS]:
-        cells = [quantity(account[key], "J", 3) if account.get(key) else "–" for key in keys]
-        rows.append((name, *cells))
-    more = len(elements) - len(rows)
-    heads = ("kinetic", "stored", "lost", "fed", "external force", "port", "by the scheme")
-    return Table(
-        "Scene, by element",
-        ("element", *heads),
-        tuple(rows),
-        f"{more} more, {len(elements) - len(touched)} of them without energy, are in summary.json."
-        if more > 0
-        else "",
-    )
-
-
 def books_table(run: Run) -> Table:
     """Totals of both books."""
     energy = block(run.summary, "energy_j")

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from tautwave.report.run.rundir import Run, is_scene3d
+from tautwave.report.run.rundir import Run, block
 from tautwave.report.units import count, plural
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Shown(NamedTuple):
 
 def shown(run: Run) -> Shown | None:
     """Return a run's recorded scene, None if nothing was recorded."""
-    return _scene3d(run) if is_scene3d(run) else _line(run)
+    return _scene3d(run) if block(run.rig, "scene").get("dimension") == 3 else _line(run)
 
 
 def _line(run: Run) -> Shown | None:
@@ -83,9 +83,7 @@ def _parts(masses: int, strings: int, links: int) -> str:
 
 
 def write_scene(run: Run) -> None:
-    """Write scene.gif and output.wav into the directory of a run that had a scene; else nothing."""
-    if not run.ports:
-        return
+    """Write scene.gif and output.wav into the directory of a run that had a scene."""
     from tautwave.report.scene.sound import write_sound
 
     seen = shown(run)

@@ -12,7 +12,7 @@ from tautwave.config import Rig
 from tautwave.controller.stops import ARM_SHARE
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
-from tautwave.rig.scene.network import pruned_network, scene_forces, scene_of
+from tautwave.rig.scene.network import keys_of, pruned_network, scene_forces, scene_of
 from tautwave.rig.scene.network3d import axis_scales, forces3d, pruned_network3d, scene3d_of
 from tautwave.scene.live import SceneModel
 from tautwave.scene.network import LINEAR, Network, String
@@ -57,8 +57,7 @@ class Stage(NamedTuple):
 
 def stage_of(rig: Rig) -> Stage:
     """Return the network of a rig with a scene, and its ports."""
-    assert rig.scene is not None
-    if rig.scene.dimension == 3:
+    if keys_of(rig).dimension == 3:
         spatial = pruned_network3d(rig).network
         scales = axis_scales(rig)
         # Exact gradients of links that turn cost ten steps of the symplectic scheme.

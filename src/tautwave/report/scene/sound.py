@@ -12,6 +12,7 @@ import numpy as np
 from tautwave.files import create, writing
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.scene.view import SceneView
+from tautwave.rig.scene.network import keys_of
 
 if TYPE_CHECKING:
     from tautwave.report.scene3d.view import View3d
@@ -23,8 +24,7 @@ PEAK = 0.9
 
 def output_signal(view: SceneView | View3d) -> Floats:
     """Return the high-passed force on the output port, at the rig's rate [N]."""
-    assert view.rig.scene is not None
-    keys = view.rig.scene.output
+    keys = keys_of(view.rig).output
     name = keys.port if keys.port is not None else next(iter(view.efforts))
     return high_pass(view.efforts[name], keys.highpass_hz, view.rig.rate_hz)
 

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tautwave.config import Axis, Rig, Scene, Scene3d, SceneLink
+from tautwave.config import Axis, Rig
 from tautwave.config.inputs.sounds import read_sound
-from tautwave.config.keys.scene import SoundForce
+from tautwave.config.keys.scene import Scene, SceneLink, SoundForce
+from tautwave.config.keys.scene3d import Scene3d
 from tautwave.controller.records import PIPE
 from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_bytes
@@ -45,6 +46,12 @@ HOLD_SPEED = 0.1
 
 HOLD_J = 0.01
 """[J] Most that they may create by default, an axis: 0.1 kg at 0.45 m/s."""
+
+
+def keys_of(rig: Rig) -> Scene | Scene3d:
+    """Return the scene of a rig that has one, as in the file."""
+    assert isinstance(rig.scene, Scene | Scene3d)
+    return rig.scene
 
 
 def scene_of(rig: Rig) -> Scene:
@@ -211,17 +218,18 @@ def keep_sounds(rig: Rig, directory: Path) -> Rig:
 
     Their paths are relative, so the directory can be moved and its rig.yaml still runs.
     """
-    if rig.scene is None or not any(f.type == "sound" for f in rig.scene.forces.values()):
+    scene = keys_of(rig)
+    if not any(force.type == "sound" for force in scene.forces.values()):
         return rig
-    forces = dict(rig.scene.forces)
-    for name, keys in rig.scene.forces.items():
+    forces: dict[str, Any] = dict(scene.forces)
+    for name, keys in scene.forces.items():
         if keys.type != "sound":
             continue
         folder = directory / "sounds"
         make_directory(folder)
         write_bytes(folder / f"{name}.wav", Path(keys.file).read_bytes())
         forces[name] = keys.model_copy(update={"file": f"sounds/{name}.wav"})
-    return rig.model_copy(update={"scene": rig.scene.model_copy(update={"forces": forces})})
+    return rig.model_copy(update={"scene": scene.model_copy(update={"forces": forces})})
 
 
 def scene_control(
@@ -233,6 +241,11 @@ def scene_control(
 ) -> SceneControl:
     """Return the controller for a scene, without the scene; `ports` are axes of the master."""
     axes = tuple(delays)
+    scene = keys_of(rig)
+    run = run_params(rig, cycles, len(axes))._replace(
+        engage_cycles=round(scene.engage_ramp_s * rig.rate_hz),
+        release_cycles=round(scene.release_ramp_s * rig.rate_hz),
+    )
     params = []
     at = 0
     for name in axes:
@@ -243,7 +256,7 @@ def scene_control(
         )
         at += PIPE * delay.periods
     return SceneControl(
-        run_params(rig, cycles, len(axes)),
+        run,
         axis_names(rig, axes),
         params,
         [axes.index(f"master.{name}") for name in ports],
@@ -272,10 +285,9 @@ def scene_run(
 
 def hold_limit(rig: Rig, names: Sequence[str]) -> float:
     """Return the energy that held efforts may create before a run stops [J]; `names` of axes."""
-    assert rig.scene is not None
-    assert rig.scene is not None
-    if rig.scene.hold_limit_j is not None:
-        return rig.scene.hold_limit_j
+    given = keys_of(rig).hold_limit_j
+    if given is not None:
+        return given
     limit = 0.0
     for axis in (rig.axes[f"master.{name}"] for name in names):
         assert axis.inertia is not None

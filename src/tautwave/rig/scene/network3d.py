@@ -7,8 +7,8 @@ from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tautwave.config import Link3d, Rig, Scene3d, Vector
-from tautwave.config.keys.scene3d import Tissue3d, mesh_of
+from tautwave.config import Rig
+from tautwave.config.keys.scene3d import Link3d, Scene3d, Tissue3d, Vector, mesh_of
 from tautwave.models.tissue.mesh import on_faces
 from tautwave.rig.scene.network import (
     coupling_springs,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 from typing import TYPE_CHECKING
 
-from tautwave.config import Rig, Scene
+from tautwave.config import Rig
+from tautwave.config.keys.scene import Scene
 from tautwave.errors import ConfigError
 from tautwave.rig.hands import stated_hand
 from tautwave.rig.ways import command_delays

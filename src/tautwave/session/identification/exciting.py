@@ -27,6 +27,7 @@ from tautwave.errors import SafetyStop
 from tautwave.laws.coupler import coupler_effort
 from tautwave.laws.limit import guard_axis
 from tautwave.rig import Assembly, axis_names, bare_site, controlled_axis, site_params
+from tautwave.rig.hooks import rig_hooks
 from tautwave.runtime.control import Control
 
 LINES = 8
@@ -320,14 +321,11 @@ def excite(rig: Rig, assembly: Assembly, movers: Mapping[str, Mover]) -> Assembl
         ordered = [f"{side}.{name}" for name in rig.coupling.pairs for side in ("master", "slave")]
         order = [axes.index(name) for name in ordered]
     else:
-        from tautwave.runtime.scene.axes import SceneControl
-
-        assert isinstance(assembly.control, SceneControl)
-        order = list(assembly.control.ports)
+        order = list(rig_hooks().order(assembly.control))
     names = axis_names(rig, axes)
     control = ExcitedControl(assembly.control.run, names, params, order, movers, [0.0] * at)
     before = sum(len(source.columns) for source in assembly.sources)
     timing = assembly.columns[: len(assembly.columns) - before]
     sources = [control, *assembly.sources[1:]]  # the first is the controller's
     columns = [*timing, *(name for source in sources for name in source.columns)]
-    return assembly._replace(control=control, sources=sources, columns=columns, scene=None)
+    return assembly._replace(control=control, sources=sources, columns=columns)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.rig import build_rig
+from tautwave.runtime.scene.axes import SceneControl
 from tautwave.scene.live import SceneModel
 from tautwave.simulation.memory import run_in_memory
 from tautwave.simulation.rows import Simulation
@@ -38,18 +39,19 @@ def simulate_scene(rig: Rig, duration_s: float | None, engine: str) -> Simulatio
             f"{rig.name}: engine {engine!r} does not support scenes; engines: {', '.join(ENGINES)}"
         )
     built = build_rig(rig, clock="fake", duration_s=duration_s)
-    assert built.scene is not None
-    model = built.scene.model
+    assert isinstance(built.control, SceneControl)
+    scene = built.control.scene
+    model = scene.model
     if engine == "compiled" and can_tick():
         if isinstance(model, SceneModel):
-            built.scene.model = CompiledScene(model.network, model.scheme, model.period)
+            scene.model = CompiledScene(model.network, model.scheme, model.period)
         else:
             from tautwave.simulation.scene.ticking3d import CompiledModel3d
 
-            built.scene.model = CompiledModel3d(model.network, model.scheme, model.period)
+            scene.model = CompiledModel3d(model.network, model.scheme, model.period)
     result, data = run_in_memory(built)
     error = result.error
-    began = built.scene.slot > 0
+    began = scene.slot > 0
     if error is not None and not (began and isinstance(error, TautwaveError)):
         raise error
     assert error is None or isinstance(error, TautwaveError)
