@@ -108,7 +108,7 @@ def load_control(key: str) -> ControlPlugin:
     if point is None or not _importable(point.module.partition(".")[0]):
         package = f"tautwave_{key}s" if point is None else point.module.partition(".")[0]
         raise ConfigError(
-            f"needs the package {package} of tautwave, which is not installed here; "
+            f"a rig with a {key} needs the package {package}, which is not installed here: "
             "pip install --force-reinstall --no-deps tautwave"
         )
     plugin: ControlPlugin = _load(CONTROLS, key, ControlPlugin)

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from tautwave.analysis.exact.positive_real import LOSSLESS, positive_real
 from tautwave.analysis.exact.rational import rational
-from tautwave.analysis.ports.networks import (
+from tautwave.errors import ConfigError
+from tautwave_scenes.certificate.impedance import (
     GROUND,
     Damper,
     Mass,
@@ -24,7 +25,6 @@ from tautwave.analysis.ports.networks import (
     impedance,
     nodes_of,
 )
-from tautwave.errors import ConfigError
 
 values = st.sampled_from([0.001, 0.143, 0.5, 2.0, 5.0, 538.0, 14200.0])
 NODES = ("a", "b", "c", "d")

@@ -10,7 +10,7 @@ from pathlib import Path
 from tautwave.allowance import AxisAllowance
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("src/tautwave", "drivers/tautwave_drivers", "sim/tautwave_sim")
+PACKAGES = ("src/tautwave", "src/tautwave_scenes", "drivers/tautwave_drivers", "sim/tautwave_sim")
 
 KEYS = {"effort_limit", "effort_rate_limit"}
 BELIEFS = {"damping", "coulomb"}
@@ -29,7 +29,7 @@ ALLOWED = {
     "src/tautwave/rig/arms.py": "says of which limit a load takes too much, before it is shared",
     "src/tautwave/rig/clips.py": "the key is a wall's own share, not its motor's limit",
     "src/tautwave/rig/led.py": "makes a key of a key: what a policy's hand may press with",
-    "src/tautwave/rig/scene/network.py": "a speed to choose a scheme for, without a velocity limit",
+    "src/tautwave_scenes/rig/network.py": "a speed to choose a scheme for, without a limit",
     "src/tautwave/certificate/belief.py": "compares what is believed with the simulated truth",
     "src/tautwave/certificate/buses.py": "the limit is that of a policy's hand, not of a motor",
     "src/tautwave/couplings/account/from_keys.py": "of a `CoupledAxis`, which the allowance fills",
@@ -37,7 +37,7 @@ ALLOWED = {
     "src/tautwave/couplings/wave/messages.py": "text: how long a follower's spring gets",
     "src/tautwave/couplings/mediated/automatic.py": "chooses a default before an axis is built",
     "src/tautwave/report/run/after_run.py": "text: what the rig believed",
-    "src/tautwave/report/scene/inputs.py": "text: what the rig states",
+    "src/tautwave_scenes/report/inputs.py": "text: what the rig states",
     "src/tautwave/view/facts.py": "text: what the rig states",
     "src/tautwave/session/plan.py": "text: what is in and what is left out",
     "src/tautwave/session/checking.py": "text: what the rig states",

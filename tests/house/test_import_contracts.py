@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("src/tautwave", "drivers/tautwave_drivers", "sim/tautwave_sim")
+PACKAGES = ("src/tautwave", "src/tautwave_scenes", "drivers/tautwave_drivers", "sim/tautwave_sim")
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
     "contracts"
 ]
@@ -22,7 +22,7 @@ CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["import
 PLANTED = [
     ("floors", "src/tautwave/laws/planted.py", "import tautwave.models"),
     ("floors", "src/tautwave/contracts.py", "import tautwave.registry"),
-    ("floors", "src/tautwave/scene/planted.py", "import tautwave.controller"),
+    ("floors", "src/tautwave/config/planted.py", "import tautwave.controller"),
     ("floors", "src/tautwave/controller/planted.py", "import tautwave.runtime"),
     ("floors", "src/tautwave/report/planted.py", "import tautwave.session"),
     ("floors", "src/tautwave/certificate/planted.py", "import tautwave.report"),
@@ -39,8 +39,24 @@ PLANTED = [
     ("simulators", "sim/tautwave_sim/physics.py", "import tautwave_sim.axis"),
     ("rig-files", "src/tautwave/config/keys/planted.py", "import tautwave.config.checks"),
     ("rig-files", "src/tautwave/config/text/planted.py", "import tautwave.config.load"),
-    ("scenes", "src/tautwave/scene/schemes/planted.py", "import tautwave.scene.live"),
-    ("scenes", "src/tautwave/scene/network.py", "import tautwave.scene.compiling"),
+    ("scenes", "src/tautwave_scenes/networks/planted.py", "import tautwave_scenes.networks3d"),
+    ("scenes", "src/tautwave_scenes/certificate/planted.py", "import tautwave_scenes.report"),
+    ("scenes", "src/tautwave_scenes/stray.py", "EXHAUSTIVE = True"),
+    (
+        "networks",
+        "src/tautwave_scenes/networks/schemes/planted.py",
+        "import tautwave_scenes.networks.live",
+    ),
+    (
+        "networks",
+        "src/tautwave_scenes/networks/network.py",
+        "import tautwave_scenes.networks.compiling",
+    ),
+    ("below-the-commands", "src/tautwave_scenes/bench/planted.py", "import tautwave.cli"),
+    ("pure", "src/tautwave_scenes/models/planted.py", "import numpy"),
+    ("live", "src/tautwave_scenes/runtime/planted.py", "import tautwave.config"),
+    ("siblings", "src/tautwave_scenes/planted.py", "import tautwave_sim"),
+    ("roads", "src/tautwave/rig/planted.py", "import tautwave_scenes"),
     ("mathematics", "src/tautwave/analysis/exact/planted.py", "import tautwave.analysis.walls"),
     ("mathematics", "src/tautwave/analysis/walls/planted.py", "import tautwave.analysis.maps"),
     (
@@ -80,7 +96,7 @@ ROUNDS = 5
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """Return a copy of the three packages with the contracts beside them."""
+    """Return a copy of the packages with the contracts beside them."""
     ignore = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=ignore)
@@ -161,4 +177,5 @@ def test_contributing_has_the_floors_as_they_are_checked() -> None:
     floors = next(entry["layers"] for entry in CONTRACTS if entry["id"] == "floors")
     text = (ROOT / "CONTRIBUTING.md").read_text().partition("## The floors")[2]
     shown = re.findall(r"^ {4}(\w+(?: \| \w+)*) {2,}", text.partition("\n## ")[0], re.MULTILINE)
-    assert shown == ["tautwave_drivers | tautwave_sim", *(layer.strip("()") for layer in floors)]
+    commands, *below = (layer.strip("()") for layer in floors)
+    assert shown == ["tautwave_drivers | tautwave_sim", commands, "tautwave_scenes", *below]

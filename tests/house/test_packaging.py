@@ -1,4 +1,4 @@
-"""One distribution, three typed packages, and entry points that lead somewhere."""
+"""One distribution, typed packages, and entry points that lead somewhere."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 
 import tautwave
-from tautwave.contracts import CouplingPlugin, DriverPlugin, SimulatorPlugin
+from tautwave.contracts import ControlPlugin, CouplingPlugin, DriverPlugin, SimulatorPlugin
 
 ROOT = Path(__file__).parents[2]
+PACKAGES = ("tautwave", "tautwave_scenes", "tautwave_drivers", "tautwave_sim")
 KNOWN = packages_distributions()
 TOP_LEVEL = {"src", "drivers", "sim", "configs", "tests", "docs", "pyproject.toml", "README.md"}
 TOP_LEVEL |= {"LICENSE", "CHANGELOG.md", "CONTRIBUTING.md"}
@@ -46,7 +47,7 @@ def test_nothing_else_lies_on_the_top_level() -> None:
     assert {name for name in there - TOP_LEVEL if not name.startswith(".")} == set()
 
 
-@pytest.mark.parametrize("package", ["tautwave", "tautwave_drivers", "tautwave_sim"])
+@pytest.mark.parametrize("package", PACKAGES)
 def test_each_package_is_typed(package: str) -> None:
     module = importlib.import_module(package)
     assert module.__file__ is not None
@@ -59,6 +60,7 @@ def test_each_package_is_typed(package: str) -> None:
         ("tautwave.drivers", DriverPlugin),
         ("tautwave.simulators", SimulatorPlugin),
         ("tautwave.couplings", CouplingPlugin),
+        ("tautwave.controls", ControlPlugin),
     ],
 )
 def test_each_entry_point_is_a_plugin(group: str, kind: type) -> None:
@@ -121,7 +123,7 @@ def imported(folder: str) -> set[str]:
     """Return the top names of all that the modules of a folder import, anywhere in them."""
     texts = [path.read_text() for path in (ROOT / folder).rglob("*.py")]
     names = {one[1] or one[2] for text in texts for one in IMPORT.finditer(text)}
-    own = {"tautwave", "tautwave_drivers", "tautwave_sim", *sys.stdlib_module_names}
+    own = {*PACKAGES, *sys.stdlib_module_names}
     return {name for name in names if name in KNOWN} - own
 
 

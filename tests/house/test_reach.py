@@ -12,10 +12,10 @@ import grimp
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("tautwave", "tautwave_drivers", "tautwave_sim")
+PACKAGES = ("tautwave", "tautwave_scenes", "tautwave_drivers", "tautwave_sim")
 ROOTS = (
     *("tautwave.cli", "tautwave.certificate.__main__", "tautwave.report.__main__"),
-    "tautwave.couplings",
+    *("tautwave.couplings", "tautwave_scenes"),
 )
 """Commands, the processes that they start, and what they load by name."""
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("src/tautwave", "drivers/tautwave_drivers", "sim/tautwave_sim")
+PACKAGES = ("src/tautwave", "src/tautwave_scenes", "drivers/tautwave_drivers", "sim/tautwave_sim")
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 MODULES = {"yaml", "ruamel", "configparser", "xml", "lxml", "tomllib", "pickle", "marshal",

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("src/tautwave", "drivers/tautwave_drivers", "sim/tautwave_sim")
+PACKAGES = ("src/tautwave", "src/tautwave_scenes", "drivers/tautwave_drivers", "sim/tautwave_sim")
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 PURE = sorted(
     path for floor in ("laws", "models") for path in (ROOT / "src/tautwave" / floor).rglob("*.py")

@@ -12,11 +12,11 @@ import numpy as np
 from tautwave.bench import compiled
 from tautwave.bench.chunks import Cost, Work, costs
 from tautwave.bench.result import Goal, Suite, Table, Value
-from tautwave.scene.compiling import as_arrays
-from tautwave.scene.ledger import take_ledger
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.pruning import prune
+from tautwave_scenes.networks.compiling import as_arrays
+from tautwave_scenes.networks.ledger import take_ledger
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks.pruning import prune
 
 AUDIO_HZ = 44_100.0
 GRAINS = 10
@@ -140,7 +140,7 @@ def _live(scheme: str) -> Work:
 
 
 def _compiled(network: Network, scheme: str, *, grains: bool = False) -> Work:
-    from tautwave.simulation.scene import playing
+    from tautwave_scenes.simulation import playing
 
     rows = int(AUDIO_HZ)
     bar, push = _motion(rows)

@@ -7,7 +7,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from tautwave.scene.pruning import prune
+from tautwave_scenes.networks.pruning import prune
 from tests.lab.networks import chain_network, networks
 
 

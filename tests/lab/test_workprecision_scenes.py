@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tautwave.bench.precision import scenes
-from tautwave.bench.precision.scenes import Stage, refined
-from tautwave.scene.network import String
-from tautwave.simulation.scene.playing import Played
+from tautwave_scenes.bench import precision as scenes
+from tautwave_scenes.bench.precision import Stage, refined
+from tautwave_scenes.networks.network import String
+from tautwave_scenes.simulation.playing import Played
 from tests.lab.peers import network as peers_network
 from tests.lab.workprecision.scenes import DRUM, GRANULAR, RESONATOR, STRING
 

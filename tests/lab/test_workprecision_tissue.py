@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.scene3d.live import Model3d
+from tautwave_scenes.networks3d.live import Model3d
 from tests.lab.peers import mujoco_flex as flex
 from tests.lab.peers import scipy_control
 from tests.lab.workprecision import tissue

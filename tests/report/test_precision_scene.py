@@ -12,15 +12,15 @@ import pytest
 
 from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.report import write_report
-from tautwave.report.precision import scene as precision_scene
 from tautwave.report.precision.oracle import measure_precision
-from tautwave.report.precision.scene_table import decibels, scene_sentences, scene_tables
 from tautwave.report.run.complete import write_summary
 from tautwave.report.run.loading import load_run
-from tautwave.report.scene import inputs as scene_inputs
 from tautwave.report.units import quantity
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
+from tautwave_scenes.report import inputs as scene_inputs
+from tautwave_scenes.report import precision as precision_scene
+from tautwave_scenes.report.precision_table import decibels, scene_sentences, scene_tables
 from tests.report.synthetic import write_recording
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -14,10 +14,10 @@ from tautwave.certificate import certify
 from tautwave.config import load_rig
 from tautwave.errors import SafetyStop
 from tautwave.rig import build_rig
-from tautwave.rig.scene.network import HOLD_J, hold_claim, hold_limit
-from tautwave.runtime.scene.hold import HoldAccount
-from tautwave.scene.ledger import Ledger
 from tautwave.types import CommandDelay
+from tautwave_scenes.networks.ledger import Ledger
+from tautwave_scenes.rig.network import HOLD_J, hold_claim, hold_limit
+from tautwave_scenes.runtime.hold import HoldAccount
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PERIOD = 1e-3

@@ -14,7 +14,7 @@ from tautwave.config import load_rig
 from tautwave.controller.stops import guard_sentence, overrun_sentence, unarmed_sentence
 from tautwave.laws.limit import RUNAWAY, LimitParams
 from tautwave.rig import build_rig
-from tautwave.runtime.scene.axes import SceneRun
+from tautwave_scenes.runtime.axes import SceneRun
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -29,13 +29,13 @@ from tautwave.runtime.tuning.desk import Desk, last_left, leave
 from tautwave.runtime.tuning.source import Tuning
 from tautwave.session.engine import with_engine
 from tautwave.session.operating import with_operation
-from tautwave.session.scene_pace import use_engine
 from tautwave.session.viewing.tuning import (
     tuning_facts,
     tuning_of,
     with_tuning,
 )
 from tautwave.types import CommandDelay
+from tautwave_scenes.session.pace import use_engine
 from tests.runtime.operating import BARE, BENCH, Rows, bench
 
 K = "coupling.pairs.lever.wall_slave.stiffness"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from tautwave.scene.network import Link, Mass, Network
+from tautwave_scenes.networks.network import Link, Mass, Network
 
 RESONATOR = Network(
     (Mass("object", 0.004, damping=0.01),),

@@ -13,10 +13,10 @@ from tautwave.analysis.walls.passivity import needed_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave.certificate import certify
 from tautwave.certificate.picture import certificate_figure, draw_certificate
-from tautwave.certificate.scene.maps import leak_over, needed, own_radius
 from tautwave.config import load_rig
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.sampled import LinearScene, linear_scene, loop_poles, seen_states
+from tautwave_scenes.certificate.maps import leak_over, needed, own_radius
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks.sampled import LinearScene, linear_scene, loop_poles, seen_states
 from tests.lab.papers.resonator_sampled import sampled_law
 from tests.scene.networks import RESONATOR
 
@@ -84,7 +84,7 @@ def test_a_scaled_port_is_a_scaled_impedance():
 def test_the_grid_agrees_with_the_proof(monkeypatch):
     scene = linear_scene(RESONATOR, "discrete_gradient", 1e-3, "hand")
     exact = needed(scene, 0.0)
-    monkeypatch.setattr("tautwave.certificate.scene.maps.EXACT_ORDER", 0)
+    monkeypatch.setattr("tautwave_scenes.certificate.maps.EXACT_ORDER", 0)
     found = needed(scene, 0.0)
     assert not found.proved
     assert found.damping == pytest.approx(exact.damping, rel=5e-3)
@@ -93,7 +93,7 @@ def test_the_grid_agrees_with_the_proof(monkeypatch):
 def test_what_rings_for_ever_needs_more_than_any_device_has_and_says_at_which_frequency(
     monkeypatch,
 ):
-    monkeypatch.setattr("tautwave.certificate.scene.maps.EXACT_ORDER", 0)
+    monkeypatch.setattr("tautwave_scenes.certificate.maps.EXACT_ORDER", 0)
     free = RESONATOR._replace(masses=(Mass("object", 0.004),))
     found = needed(linear_scene(free, "exact", 1e-4, "hand"), 0.0)
     hertz = math.sqrt((14_200.0 + 3_000.0) / 0.004) / (2.0 * math.pi)

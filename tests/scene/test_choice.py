@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tautwave.bench.precision.scenes import Stage
 from tautwave.config import load_rig
-from tautwave.rig.scene.network import scene_of, scheme_choice
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.schemes.choice import _fastest, choose_scene_scheme, scheme_error
 from tautwave.session.plan import rig_plan
+from tautwave_scenes.bench.precision import Stage
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks.schemes.choice import _fastest, choose_scene_scheme, scheme_error
+from tautwave_scenes.rig.network import scene_of, scheme_choice
 from tests.lab.workprecision.scenes import DRUM
 from tests.scene.networks import everything
 

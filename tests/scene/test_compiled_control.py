@@ -13,7 +13,7 @@ from tautwave.errors import TautwaveError
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
 from tautwave.session.engine import scene_devices
-from tautwave.session.scene_pace import use_engine
+from tautwave_scenes.session.pace import use_engine
 from tests.scene.test_runs import Rows
 
 pytestmark = pytest.mark.slow  # numba compiles for ten seconds and more

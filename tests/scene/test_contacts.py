@@ -12,17 +12,17 @@ import pytest
 
 from tautwave import simulate
 from tautwave.certificate import Certificate, certify
-from tautwave.certificate.scene.contacts import Press, pressed, regimes, text_of, together
-from tautwave.certificate.scene.joint import responses
 from tautwave.config import load_rig
 from tautwave.errors import SafetyStop
 from tautwave.models.linear import flow_rows
-from tautwave.rig.scene.network import hold_claim, hold_limit, pruned_network
-from tautwave.runtime.scene.hold import HoldAccount
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link
-from tautwave.scene.sampled import PortMap, linear_scene, loop_poles
 from tautwave.types import CommandDelay
+from tautwave_scenes.certificate.contacts import Press, pressed, regimes, text_of, together
+from tautwave_scenes.certificate.joint import responses
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link
+from tautwave_scenes.networks.sampled import PortMap, linear_scene, loop_poles
+from tautwave_scenes.rig.network import hold_claim, hold_limit, pruned_network
+from tautwave_scenes.runtime.hold import HoldAccount
 from tests.commands import tautwave
 
 LONG = pytest.mark.slow, pytest.mark.long

@@ -10,8 +10,8 @@ import itertools
 
 from PIL import Image, ImageDraw
 
-from tautwave.report.scene.drawing import HEIGHT, OVER, WIDTH, _bar
-from tautwave.report.scene.figure import thin
+from tautwave_scenes.report.drawing import HEIGHT, OVER, WIDTH, _bar
+from tautwave_scenes.report.figure import thin
 
 
 @pytest.mark.parametrize(("count", "step"), [(3000, 1), (3001, 3), (10_001, 7)])

@@ -11,11 +11,11 @@ import yaml
 
 from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
 from tautwave.errors import ConfigError
-from tautwave.rig.scene.network import pruned_network, scene_forces, whole_network
-from tautwave.scene.compiling import compile_network
-from tautwave.scene.network import Link, Mass, String
-from tautwave.scene.sampled import linear_part
-from tautwave.scene.schemes.exact import linear_matrices
+from tautwave_scenes.networks.compiling import compile_network
+from tautwave_scenes.networks.network import Link, Mass, String
+from tautwave_scenes.networks.sampled import linear_part
+from tautwave_scenes.networks.schemes.exact import linear_matrices
+from tautwave_scenes.rig.network import pruned_network, scene_forces, whole_network
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RESONATOR = (CONFIGS / "scene-resonator.yaml").read_text()

@@ -13,9 +13,9 @@ from tautwave.cli import main
 from tautwave.config import load_rig
 from tautwave.errors import BusBudgetError
 from tautwave.rig import build_rig
-from tautwave.scene.live import SceneModel
-from tautwave.session import scene_pace
-from tautwave.session.scene_pace import ScenePace, choose_engine, pace_fact, use_engine
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.session import pace as scene_pace
+from tautwave_scenes.session.pace import ScenePace, choose_engine, pace_fact, use_engine
 
 GRANULAR = Path(__file__).parents[2] / "configs" / "scene-granular.yaml"
 

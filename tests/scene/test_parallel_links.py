@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave.cli import main
-from tautwave.models import interaction as law
-from tautwave.scene import compiling, live
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.parallel_links import join_links
-from tautwave.scene.pruning import prune
-from tautwave.scene.schemes import gradient, islands
-from tautwave.scene.schemes.exact import linear_matrices
+from tautwave_scenes.models import interaction as law
+from tautwave_scenes.networks import compiling, live
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks.parallel_links import join_links
+from tautwave_scenes.networks.pruning import prune
+from tautwave_scenes.networks.schemes import gradient, islands
+from tautwave_scenes.networks.schemes.exact import linear_matrices
 from tests.scene.test_keys import CONFIGS
 
 NUMBERS = st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-12)

@@ -10,14 +10,14 @@ import pytest
 
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
-from tautwave.rig.scene.network import pruned_network
-from tautwave.scene.ledger import Ledger
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network, String
-from tautwave.scene.schemes.stepping import pull_links
-from tautwave.simulation.scene import playing
-from tautwave.simulation.scene import steps as network_steps
-from tautwave.simulation.scene.playing import Played, _with_string, flows_of, lines_of, play
+from tautwave_scenes.networks.ledger import Ledger
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network, String
+from tautwave_scenes.networks.schemes.stepping import pull_links
+from tautwave_scenes.rig.network import pruned_network
+from tautwave_scenes.simulation import playing
+from tautwave_scenes.simulation import steps as network_steps
+from tautwave_scenes.simulation.playing import Played, _with_string, flows_of, lines_of, play
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STEPS = 240
@@ -57,7 +57,7 @@ def pushes(model: SceneModel) -> np.ndarray:
 
 def in_arrays(model: SceneModel, stride: int) -> tuple[np.ndarray, np.ndarray]:
     """Run the steps that numba compiles as they are."""
-    from tautwave.scene.compiling import as_arrays
+    from tautwave_scenes.networks.compiling import as_arrays
 
     arrays = as_arrays(model.arrays)
     forced = np.array([model.compiled.masses.index(n) for n in model.network.forced], np.int64)

@@ -16,8 +16,8 @@ from tautwave.cli import main
 from tautwave.cli.run import _played
 from tautwave.cli.terminal import play as playing
 from tautwave.cli.terminal.play import play_sound
-from tautwave.report.scene import sound
-from tautwave.report.scene.sound import SOUND_HZ, write_sound
+from tautwave_scenes.report import sound
+from tautwave_scenes.report.sound import SOUND_HZ, write_sound
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RATTLE = CONFIGS / "sounds" / "rattle.wav"

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.models.interaction import elastic_tension
-from tautwave.scene.compiling import LAWS
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene3d.live import Model3d
-from tautwave.scene3d.network import WAYS, Mass3d, Network3d, Port3d
+from tautwave_scenes.models.interaction import elastic_tension
+from tautwave_scenes.networks.compiling import LAWS
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks3d.live import Model3d
+from tautwave_scenes.networks3d.network import WAYS, Mass3d, Network3d, Port3d
 
 PERIOD = 1e-3
 LINKS = {

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.pruning import prune
-from tautwave.scene.schemes.stepping import pull_links
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks.pruning import prune
+from tautwave_scenes.networks.schemes.stepping import pull_links
 from tests.scene.networks import RESONATOR, everything, granular
 
 
@@ -69,8 +69,8 @@ def test_recorded_parts_stay():
 @pytest.mark.parametrize("make", [everything, granular])
 def test_compiled_equals_live_to_the_bit(make, scheme):
     pytest.importorskip("numba")
-    from tautwave.scene.compiling import as_arrays
-    from tautwave.simulation.scene import playing
+    from tautwave_scenes.networks.compiling import as_arrays
+    from tautwave_scenes.simulation import playing
 
     steps = np.arange(2000)
     ports = (-0.012 + 0.01 * np.sin(0.01 * steps))[:, None]

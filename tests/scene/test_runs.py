@@ -17,12 +17,12 @@ from tautwave.config import load_rig
 from tautwave.errors import ConfigError
 from tautwave.recordings.recording import read_recording
 from tautwave.rig import build_rig
-from tautwave.rig.scene.network import scene_forces
 from tautwave.runtime.loop import Loop
-from tautwave.runtime.scene.axes import SceneControl
-from tautwave.scene.live import SceneModel
 from tautwave.session.running import run
 from tautwave.simulation.kernel.pack import pack_rig
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.rig.network import scene_forces
+from tautwave_scenes.runtime.axes import SceneControl
 from tests.commands import keep_in_one_process
 
 CONFIGS = Path(__file__).parents[2] / "configs"

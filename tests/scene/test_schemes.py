@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tautwave.errors import ConfigError
-from tautwave.scene.compiling import compile_network
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.schemes.exact import exact_islands
-from tautwave.scene.schemes.gradient import step_gradient
+from tautwave_scenes.networks.compiling import compile_network
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks.schemes.exact import exact_islands
+from tautwave_scenes.networks.schemes.gradient import step_gradient
 from tests.lab.papers.resonator_sampled import sampled_law
 from tests.scene.networks import RESONATOR, everything, granular
 

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 
 from tautwave.cli import main
 from tautwave.config import load_rig, resolved_yaml
-from tautwave.config.inputs import sounds
 from tautwave.errors import ConfigError
-from tautwave.rig.scene.network import keep_sounds, pruned_network, scene_forces
-from tautwave.scene.signals import force_signal, sound_signal
+from tautwave_scenes.config import sounds
+from tautwave_scenes.networks.signals import force_signal, sound_signal
+from tautwave_scenes.rig.network import keep_sounds, pruned_network, scene_forces
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 VALUES = [0.0, 0.5, -0.5, 0.25, -1.0, 0.75]

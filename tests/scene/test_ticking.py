@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from tautwave.config import load_rig
-from tautwave.rig.scene.network import pruned_network
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.rig.network import pruned_network
 from tests.scene.networks import everything
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -38,7 +38,7 @@ def bits(values) -> bytes:
 )
 def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
     pytest.importorskip("numba")
-    from tautwave.simulation.scene.ticking import CompiledScene
+    from tautwave_scenes.simulation.ticking import CompiledScene
 
     network, period = everything(), 1e-4
     if name != "everything":

@@ -9,13 +9,13 @@ import pytest
 
 from tautwave import simulate
 from tautwave.certificate import certify
-from tautwave.certificate.scene.maps import needed
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
-from tautwave.rig.scene.network import pruned_network
-from tautwave.scene.network import GROUND, Link, Mass, Network
-from tautwave.scene.sampled import linear_scene
-from tautwave.scene.with_device import Held, ideal_modes, tune, why_not
+from tautwave_scenes.certificate.maps import needed
+from tautwave_scenes.networks.network import GROUND, Link, Mass, Network
+from tautwave_scenes.networks.sampled import linear_scene
+from tautwave_scenes.networks.with_device import Held, ideal_modes, tune, why_not
+from tautwave_scenes.rig.network import pruned_network
 
 RESONATOR = Path(__file__).parents[2] / "configs" / "scene-resonator.yaml"
 HAND = Held(mass=0.143, damping=5.0, stiffness=538.0)

@@ -12,7 +12,7 @@ from tests.scene3d.networks import everything
 def compiled3d() -> None:
     """Wait for who compiles them, or compile them: half a minute of a processor, then cached."""
     pytest.importorskip("numba")
-    from tautwave.simulation.scene.ticking3d import CompiledModel3d
+    from tautwave_scenes.simulation.ticking3d import CompiledModel3d
 
     with compiling():
         CompiledModel3d(everything(), "symplectic", 1e-4)

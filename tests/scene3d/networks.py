@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tautwave.scene.network import Link
-from tautwave.scene3d.network import WAYS, Mass3d, Network3d, Port3d
+from tautwave_scenes.networks.network import Link
+from tautwave_scenes.networks3d.network import WAYS, Mass3d, Network3d, Port3d
 
 
 def vector(rng: random.Random, size: float):

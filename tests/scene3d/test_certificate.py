@@ -12,21 +12,21 @@ from PIL import Image
 from tautwave.certificate import certify
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.picture import draw_certificate
-from tautwave.certificate.scene.contacts import curved_links
-from tautwave.certificate.scene.joint import joint_poles, needed_together, radius_of
-from tautwave.certificate.scene.maps import needed
-from tautwave.certificate.scene3d.contacts import together3d
-from tautwave.certificate.scene3d.maps import network3d_map
-from tautwave.certificate.scene3d.verdict import _ports, _Scene
 from tautwave.config import load_rig
-from tautwave.rig.scene.network3d import pruned_network3d
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene.sampled import linear_scene, loop_poles
-from tautwave.scene3d.arrays import compile_network3d
-from tautwave.scene3d.live import Model3d
-from tautwave.scene3d.matrices import steepest, symplectic_share, tangent
-from tautwave.scene3d.network import Mass3d, Network3d, Port3d
-from tautwave.scene3d.stepping import set_forces3d
+from tautwave_scenes.certificate.contacts import curved_links
+from tautwave_scenes.certificate.joint import joint_poles, needed_together, radius_of
+from tautwave_scenes.certificate.maps import needed
+from tautwave_scenes.certificate3d.contacts import together3d
+from tautwave_scenes.certificate3d.maps import network3d_map
+from tautwave_scenes.certificate3d.verdict import _ports, _Scene
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks.sampled import linear_scene, loop_poles
+from tautwave_scenes.networks3d.arrays import compile_network3d
+from tautwave_scenes.networks3d.live import Model3d
+from tautwave_scenes.networks3d.matrices import steepest, symplectic_share, tangent
+from tautwave_scenes.networks3d.network import Mass3d, Network3d, Port3d
+from tautwave_scenes.networks3d.stepping import set_forces3d
+from tautwave_scenes.rig.network3d import pruned_network3d
 from tests.scene.networks import RESONATOR
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tautwave.errors import ConfigError
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
-from tautwave.scene3d.live import Model3d
-from tautwave.scene3d.network import Mass3d, Network3d, Port3d
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
+from tautwave_scenes.networks3d.live import Model3d
+from tautwave_scenes.networks3d.network import Mass3d, Network3d, Port3d
 from tests.scene3d.networks import momenta
 
 

@@ -12,12 +12,12 @@ from PIL import Image
 
 from tautwave.canvas import GRID, PAPER, panels
 from tautwave.config import parse_rig
-from tautwave.report.scene.drawing import HEIGHT, OVER, WIDTH
-from tautwave.report.scene3d.drawing import TALLEST, draw_frame3d, still3d
-from tautwave.report.scene3d.figure import draw_across, draw_heights
-from tautwave.report.scene3d.view import View3d
-from tautwave.scene.network import Link
-from tautwave.scene3d.network import Mass3d, Network3d, Port3d
+from tautwave_scenes.networks.network import Link
+from tautwave_scenes.networks3d.network import Mass3d, Network3d, Port3d
+from tautwave_scenes.report.drawing import HEIGHT, OVER, WIDTH
+from tautwave_scenes.report3d.drawing import TALLEST, draw_frame3d, still3d
+from tautwave_scenes.report3d.figure import draw_across, draw_heights
+from tautwave_scenes.report3d.view import View3d
 from tests.config.bench import BENCH
 
 ROWS = 20

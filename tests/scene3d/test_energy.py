@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.scene.network import Link
-from tautwave.scene3d import live, solving
-from tautwave.scene3d.arrays import compile_network3d
-from tautwave.scene3d.live import SPACE_SCHEMES, Model3d
-from tautwave.scene3d.network import (
+from tautwave_scenes.networks.network import Link
+from tautwave_scenes.networks3d import live, solving
+from tautwave_scenes.networks3d.arrays import compile_network3d
+from tautwave_scenes.networks3d.live import SPACE_SCHEMES, Model3d
+from tautwave_scenes.networks3d.network import (
     Mass3d,
     Network3d,
     Port3d,
     prune_network3d,
 )
-from tautwave.scene3d.tension import pull_link
+from tautwave_scenes.networks3d.tension import pull_link
 from tests.scene3d.networks import everything, flat, free_ring, momenta, vector
 
 

@@ -14,7 +14,7 @@ import yaml
 from tautwave.config import load_rig, parse_rig, resolved_yaml, rig_schema
 from tautwave.config.text.yaml12 import parse_yaml
 from tautwave.errors import ConfigError
-from tautwave.rig.scene.network3d import forces3d, pruned_network3d, whole_network3d
+from tautwave_scenes.rig.network3d import forces3d, pruned_network3d, whole_network3d
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 NET = (CONFIGS / "scene-net.yaml").read_text()

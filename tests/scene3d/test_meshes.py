@@ -9,11 +9,11 @@ import pytest
 
 from tautwave.config import load_rig, parse_rig
 from tautwave.errors import ConfigError
-from tautwave.models.tissue.gmsh import gmsh_mesh
-from tautwave.models.tissue.mesh import block, shape_of
-from tautwave.rig.scene.network3d import pruned_network3d
-from tautwave.scene.network import GROUND
-from tautwave.scene3d.elements import lay_elements
+from tautwave_scenes.models.tissue.gmsh import gmsh_mesh
+from tautwave_scenes.models.tissue.mesh import block, shape_of
+from tautwave_scenes.networks.network import GROUND
+from tautwave_scenes.networks3d.elements import lay_elements
+from tautwave_scenes.rig.network3d import pruned_network3d
 from tests.scene3d.tissues import SOFT, tissue
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -14,13 +14,13 @@ from tautwave.cli import main
 from tautwave.config import load_rig, parse_rig
 from tautwave.recordings.recording import read_recording
 from tautwave.report.run.loading import load_run
-from tautwave.report.scene3d.view import project, view_scene3d
 from tautwave.rig import build_rig
-from tautwave.rig.scene.network3d import forces3d, pruned_network3d
 from tautwave.runtime.loop import Loop
-from tautwave.scene3d.live import Model3d
 from tautwave.session.running import run
 from tautwave.simulation.run import simulate
+from tautwave_scenes.networks3d.live import Model3d
+from tautwave_scenes.report3d.view import project, view_scene3d
+from tautwave_scenes.rig.network3d import forces3d, pruned_network3d
 from tests.commands import keep_in_one_process
 from tests.scene.test_runs import Rows
 

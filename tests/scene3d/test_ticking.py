@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tautwave.config import load_rig
-from tautwave.rig.scene.network3d import pruned_network3d
-from tautwave.scene3d.live import SPACE_SCHEMES, Model3d
-from tautwave.session.scene_pace import scene_pace
 from tautwave.simulation.run import simulate
-from tautwave.simulation.scene.playing import play
+from tautwave_scenes.networks3d.live import SPACE_SCHEMES, Model3d
+from tautwave_scenes.rig.network3d import pruned_network3d
+from tautwave_scenes.session.pace import scene_pace
+from tautwave_scenes.simulation.playing import play
 from tests.scene.test_ticking import bits
 from tests.scene3d.networks import everything, flat
 
@@ -30,7 +30,7 @@ pytestmark = [
 @pytest.mark.parametrize("name", ["net", "everything"])
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
-    from tautwave.simulation.scene.ticking3d import CompiledModel3d
+    from tautwave_scenes.simulation.ticking3d import CompiledModel3d
 
     network, period = everything(), 1e-4
     if name == "net":

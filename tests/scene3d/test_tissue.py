@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.models.tissue import algebra, element
-from tautwave.models.tissue.mesh import Mesh, block, on_faces, shape_of
-from tautwave.scene.network import GROUND, Link
-from tautwave.scene3d import straining
-from tautwave.scene3d.arrays import compile_network3d
-from tautwave.scene3d.live import Model3d
-from tautwave.scene3d.matrices import tangent
-from tautwave.scene3d.network import ORIGIN, WAYS, Network3d, Port3d
-from tautwave.scene3d.straining import element_matrix
-from tautwave.scene3d.tissue import Material, tissue_of
+from tautwave_scenes.models.tissue import algebra, element
+from tautwave_scenes.models.tissue.mesh import Mesh, block, on_faces, shape_of
+from tautwave_scenes.networks.network import GROUND, Link
+from tautwave_scenes.networks3d import straining
+from tautwave_scenes.networks3d.arrays import compile_network3d
+from tautwave_scenes.networks3d.live import Model3d
+from tautwave_scenes.networks3d.matrices import tangent
+from tautwave_scenes.networks3d.network import ORIGIN, WAYS, Network3d, Port3d
+from tautwave_scenes.networks3d.straining import element_matrix
+from tautwave_scenes.networks3d.tissue import Material, tissue_of
 from tests.scene3d.networks import momenta
 from tests.scene3d.tissues import SIZE, SOFT, bent, tissue
 
@@ -333,7 +333,7 @@ def test_an_inverted_element_pushes_back_and_keeps_the_energy():
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("compiled3d")
 def test_undamped_its_energy_drifts_by_less_than_1e_12_in_100_000_steps():
-    from tautwave.simulation.scene.ticking3d import CompiledModel3d
+    from tautwave_scenes.simulation.ticking3d import CompiledModel3d
 
     model = CompiledModel3d(tissue((1, 1, 1), speed=bent), "discrete_gradient", 1e-3)
     peak = worst = 0.0

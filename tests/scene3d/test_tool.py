@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tautwave.certificate.scene3d.maps import levers
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
-from tautwave.rig.scene.network3d import axis_scales, whole_network3d
-from tautwave.scene.network import GROUND, Link
-from tautwave.scene3d.live import Model3d
-from tautwave.scene3d.network import ORIGIN, WAYS, Mass3d, Network3d, Port3d
-from tautwave.scene3d.tool import Tool3d, place_tool, tool_efforts, turn_of, wrench_of
+from tautwave_scenes.certificate3d.maps import levers
+from tautwave_scenes.networks.network import GROUND, Link
+from tautwave_scenes.networks3d.live import Model3d
+from tautwave_scenes.networks3d.network import ORIGIN, WAYS, Mass3d, Network3d, Port3d
+from tautwave_scenes.networks3d.tool import Tool3d, place_tool, tool_efforts, turn_of, wrench_of
+from tautwave_scenes.rig.network3d import axis_scales, whole_network3d
 from tests.scene3d.tissues import SIZE, tissue
 
 RIG = Path(__file__).parents[2] / "configs" / "arms" / "tissue.yaml"
@@ -150,7 +150,7 @@ def test_tissue_that_is_twisted_keeps_its_books_and_gives_back_what_it_took():
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("compiled3d")
 def test_compiled_steps_are_those_of_plain_python():
-    from tautwave.simulation.scene.ticking3d import CompiledModel3d
+    from tautwave_scenes.simulation.ticking3d import CompiledModel3d
 
     network = clipped()
     slow = Model3d(network, "discrete_gradient", 1e-3)

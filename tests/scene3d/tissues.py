@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from tautwave.models.tissue.mesh import block, on_faces
-from tautwave.scene.network import GROUND
-from tautwave.scene3d.network import ORIGIN, Network3d
-from tautwave.scene3d.tissue import Material, tissue_of
+from tautwave_scenes.models.tissue.mesh import block, on_faces
+from tautwave_scenes.networks.network import GROUND
+from tautwave_scenes.networks3d.network import ORIGIN, Network3d
+from tautwave_scenes.networks3d.tissue import Material, tissue_of
 
 SOFT = Material(2e4, 0.4, 1000.0)
 SIZE = (0.06, 0.02, 0.02)

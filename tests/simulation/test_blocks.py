@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tautwave.simulation.kernel.blocks import put
+from tautwave_scenes.simulation.blocks import put
 
 
 def test_numbers_go_to_the_front_of_a_view_and_a_view_replaces_all_of_it() -> None:

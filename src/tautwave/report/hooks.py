@@ -9,6 +9,7 @@ from tautwave import registry
 from tautwave.config import Rig
 from tautwave.config.keys.control import SCENE
 from tautwave.report.columns import Column
+from tautwave.report.figures.envelope import Floats
 
 if TYPE_CHECKING:
     from tautwave.report.run.rundir import Run
@@ -22,6 +23,12 @@ class ReportHooks(Protocol):
 
     def books(self, run: Run) -> dict[str, float | None]:
         """Return the totals of its energy books [J]: gross_flow, residual, generated."""
+
+    def given(self, run: Run) -> Floats | None:
+        """Return what it gave to itself by holding efforts [J], (rows,); None if not recorded."""
+
+    def claim(self, rig: Rig) -> float:
+        """Return how much of that it may give [J]."""
 
     def write_files(self, run: Run) -> None:
         """Write what stands beside the page: an animation, a sound."""

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from tautwave import canvas
 from tautwave.canvas import heading, legend
-from tautwave.scene.live import SceneModel
-from tautwave.scene.network import Link, Mass, Network
+from tautwave_scenes.networks.live import SceneModel
+from tautwave_scenes.networks.network import Link, Mass, Network
 from tests.lab.papers import Chapter, Row
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from tautwave.analysis.exact.delay_roots import (
 )
 from tautwave.analysis.exact.polynomials import Number, Poly, exact
 from tautwave.analysis.exact.rational import Complexes, Delayed, Rational
-from tautwave.analysis.ports.networks import (
+from tautwave_scenes.certificate.impedance import (
     GROUND,
     Damper,
     Mass,

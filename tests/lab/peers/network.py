@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tautwave.bench.precision.points import Point
-from tautwave.scene.network import Network
-from tautwave.simulation.scene.playing import Floats, Played
+from tautwave_scenes.networks.network import Network
+from tautwave_scenes.simulation.playing import Floats, Played
 from tests.lab.peers.scipy_control import missing
 
 if TYPE_CHECKING:
-    from tautwave.bench.precision.scenes import Stage
+    from tautwave_scenes.bench.precision import Stage
 
 KINDS = ("spring", "damper", "contact")
 METHODS = ("DOP853", "Radau")

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from functools import partial
 
 from tautwave.bench.precision.points import Scene
-from tautwave.bench.precision.scenes import SceneRig, network_scene
 from tautwave.config.shipped import find_example
+from tautwave_scenes.bench.precision import SceneRig, network_scene
 from tests.lab.peers.network import scipy_network
 
 

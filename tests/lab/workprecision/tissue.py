@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from tautwave.bench.precision.points import Point, Scene
 from tautwave.bench.result import Goal, Table, Value
-from tautwave.models.tissue.mesh import Mesh, block, on_faces
-from tautwave.scene.network import GROUND
-from tautwave.scene3d.network import ORIGIN, Network3d
-from tautwave.scene3d.tissue import Material, tissue_of
-from tautwave.simulation.scene.ticking3d import CompiledModel3d
+from tautwave_scenes.models.tissue.mesh import Mesh, block, on_faces
+from tautwave_scenes.networks.network import GROUND
+from tautwave_scenes.networks3d.network import ORIGIN, Network3d
+from tautwave_scenes.networks3d.tissue import Material, tissue_of
+from tautwave_scenes.simulation.ticking3d import CompiledModel3d
 
 Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,6 @@ meant.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -18,11 +17,12 @@ import numpy as np
 from tautwave.analysis.rise import Floats, Rise, damping_work, surplus_of
 from tautwave.certificate.belief import SIDES, declared_delays
 from tautwave.config import Rig
+from tautwave.config.keys.control import SCENE
 from tautwave.report.coupled import both_sampled, coupled_rise, is_spring, stall_claim
+from tautwave.report.hooks import report_hooks
 from tautwave.report.run.rundir import Run
 from tautwave.report.units import quantity
 from tautwave.rig import axis_allowance, coupling_part, pair_scale
-from tautwave.rig.scene.network import hold_claim, hold_limit
 
 RULES = {
     "spring": "by what its spring holds, from sample to sample",
@@ -98,9 +98,12 @@ def judged_of(run: Run, rig: Rig) -> Iterator[Judged]:
     One of two sites sees half of a coupling, and is not judged by it.
     """
     if rig.scene is not None:
-        found = scene_rise(run, rig)
+        given = report_hooks().given(run)
+        found = None
+        if given is not None:
+            found = _given_since_start(run, rig, dict.fromkeys(rig.axes, 1.0), given)
         if found is not None:
-            yield Judged("scene", "sum", found, scene_claim(rig))
+            yield Judged(SCENE, "sum", found, report_hooks().claim(rig))
         return
     if run.site is not None or coupling_part(rig).claim:
         return
@@ -121,21 +124,6 @@ def summed_rise(run: Run, rig: Rig, pair: str) -> Rise | None:
     if absorbed is None:
         return None
     return _given_since_start(run, rig, weights, -absorbed)
-
-
-def scene_rise(run: Run, rig: Rig) -> Rise | None:
-    """Return what the held efforts of a scene gave to its network, None where rows do not say."""
-    hold = run.read("scene.hold").get("scene.hold")
-    if hold is None:
-        return None
-    return _given_since_start(run, rig, dict.fromkeys(rig.axes, 1.0), -hold)
-
-
-def scene_claim(rig: Rig) -> float:
-    """Return what held efforts of a scene may give until its guard has stopped the run [J]."""
-    names = [name.partition(".")[2] for name in rig.axes]
-    claim = hold_claim(rig, names, declared_delays(rig))
-    return claim if math.isfinite(claim) else hold_limit(rig, names)
 
 
 def _given_since_start(

@@ -1,0 +1,1 @@
+"""Measurements of scenes: error against run time, and stability at extremes."""

@@ -1,0 +1,1 @@
+"""Keys of `scene`, their checks, and the files that they name."""

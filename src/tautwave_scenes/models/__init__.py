@@ -1,0 +1,1 @@
+"""Laws of links, and of tissue: pure functions over floats."""

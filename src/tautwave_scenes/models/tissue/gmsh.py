@@ -1,0 +1,124 @@
+"""Mesh files: Gmsh's format 2.2 in ASCII, of linear tetrahedra. Others are refused by name.
+
+Source: Gmsh reference manual, legacy MSH file format version 2. Only `$MeshFormat`, `$Nodes` and
+`$Elements` are read; points, lines and triangles, which mark boundaries, are skipped, as are nodes
+of no tetrahedron. Tetrahedra that are numbered the other way round are righted.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Iterator, NamedTuple  # noqa: UP035 - models import arithmetic only
+
+from tautwave_scenes.models.tissue.mesh import MOST_TETRAHEDRA, Corners, Mesh, doubled_face, righted
+
+_TETRAHEDRON = 4
+_SKIPPED = {1: "lines", 2: "triangles", 15: "points"}
+_KINDS = {
+    3: "quadrangles",
+    5: "hexahedra",
+    6: "prisms",
+    7: "pyramids",
+    8: "second-order lines",
+    9: "second-order triangles",
+    11: "second-order tetrahedra",
+}
+
+
+def gmsh_mesh(text: str, name: str) -> Mesh:
+    """Return the mesh in the text of a Gmsh file, in its own unit of length.
+
+    Raises
+    ------
+    ValueError
+        It has another format, or holds anything but linear tetrahedra; `name` is the file's.
+    """
+    sections = dict(_sections(iter(text.split("\n"))))
+    head = (sections.get("MeshFormat") or [""])[0].split()
+    if not head or head[0] not in ("2", "2.0", "2.1", "2.2") or head[1:2] != ["0"]:
+        found = " ".join(head[:2]) or "none"
+        raise ValueError(
+            f"{name} has mesh format {found}; save it from Gmsh as version 2 ASCII (2.2 0)"
+        )
+    parts = _parts(name, sections.get("Nodes", []), sections.get("Elements", []))
+    return _mesh(name, parts.places, parts.tetrahedra)
+
+
+def _sections(lines: Iterator[str]) -> Iterator[tuple[str, list[str]]]:
+    for line in lines:
+        if line.startswith("$") and not line.startswith("$End"):
+            name = line[1:].strip()
+            content = []
+            for inside in lines:
+                if inside.startswith("$End"):
+                    break
+                if inside.strip():
+                    content.append(inside)
+            yield name, content
+
+
+class _Parts(NamedTuple):
+    """Nodes by their number, and the nodes of each tetrahedron."""
+
+    places: dict[int, tuple[float, float, float]]
+    tetrahedra: list[tuple[int, ...]]
+
+
+def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
+    """Return what two sections say; elements of other kinds are refused."""
+    places = {}
+    found: list[tuple[int, ...]] = []
+    strange: list[int] = []
+    try:
+        for line in nodes[1:]:
+            number, x, y, z = line.split()[:4]
+            places[int(number)] = (float(x), float(y), float(z))
+        for line in elements[1:]:
+            numbers = [int(word) for word in line.split()]
+            if numbers[1] == _TETRAHEDRON:
+                a, b, c, d = numbers[3 + numbers[2] :]
+                found.append((a, b, c, d))
+            elif numbers[1] not in _SKIPPED:
+                strange.append(numbers[1])
+        whole = len(places) == int(nodes[0]) and len(elements) - 1 == int(elements[0])
+    except (ValueError, IndexError) as err:
+        raise ValueError(f"{name} is damaged: {err} in its nodes or elements") from err
+    for kind in strange:
+        what = _KINDS.get(kind, f"elements of type {kind}")
+        raise ValueError(f"{name} holds {what}: only linear tetrahedra are supported")
+    if not whole:
+        raise ValueError(f"{name} is truncated: it holds fewer nodes or elements than it declares")
+    return _Parts(places, found)
+
+
+def _mesh(
+    name: str,
+    places: dict[int, tuple[float, float, float]],
+    found: list[tuple[int, ...]],
+) -> Mesh:
+    """Return the mesh of tetrahedra, numbered anew, without nodes that none has."""
+    for number, place in places.items():
+        if not all(math.isfinite(part) for part in place):
+            raise ValueError(f"{name}: node {number} is not finite")
+    if not found:
+        raise ValueError(f"{name} holds no tetrahedra: mesh the volume, not its surface")
+    if len(found) > MOST_TETRAHEDRA:
+        raise ValueError(f"{name} holds {len(found)} tetrahedra; {MOST_TETRAHEDRA} are the limit")
+    used = sorted({number for corners in found for number in corners})
+    missing = [number for number in used if number not in places]
+    if missing:
+        raise ValueError(f"{name} is damaged: a tetrahedron has the unknown node {missing[0]}")
+    order = {number: at for at, number in enumerate(used)}
+    where = tuple(places[number] for number in used)
+    tetrahedra: list[Corners] = []
+    for corners in found:
+        a, b, c, d = (order[number] for number in corners)
+        tetrahedra.append(righted(where, (a, b, c, d)))
+    twice = doubled_face(tetrahedra)
+    if twice is not None:
+        numbers = ", ".join(str(used[at]) for at in twice)
+        raise ValueError(
+            f"{name}: two tetrahedra lie on the same side of the face of nodes {numbers}: they "
+            "overlap, or one is there twice; mesh the part again"
+        )
+    return Mesh(where, tuple(tetrahedra))

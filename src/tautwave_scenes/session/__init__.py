@@ -1,0 +1,1 @@
+"""A rig with a scene from its check to its summary."""

@@ -1,0 +1,36 @@
+"""A scene from check to summary: what `tautwave.session.hooks` asks for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tautwave.config import Rig
+from tautwave.rig import Assembly
+from tautwave_scenes.config.keys import Scene
+from tautwave_scenes.rig.network import keep_sounds as keep_files
+from tautwave_scenes.rig.network import keys_of, scheme_choice
+from tautwave_scenes.runtime.axes import SceneControl
+from tautwave_scenes.session.pace import choose_engine, hold_fact, pace_fact, use_engine
+from tautwave_scenes.session.plan import plan
+
+__all__ = ["choose_engine", "facts", "keep_files", "plan", "summary", "use_engine", "words"]
+
+
+def words(rig: Rig) -> str:
+    """Return what stands in place of a coupling: the scheme, and whether `auto` chose it."""
+    if isinstance(rig.scene, Scene) and rig.scene.scheme == "auto":
+        scheme = f"{scheme_choice(rig).scheme} (auto)"
+    else:
+        scheme = keys_of(rig).scheme
+    return f"none: the master's axes touch a scene, scheme {scheme}"
+
+
+def facts(rig: Rig) -> list[tuple[str, str]]:
+    """Return the cost of a cycle, and the bound on the energy of held efforts."""
+    return [("scene time", pace_fact(rig)), ("scene limit", hold_fact(rig))]
+
+
+def summary(assembly: Assembly, engine: str) -> dict[str, Any]:
+    """Return the engine, and what every element of the network took and gave."""
+    assert isinstance(assembly.control, SceneControl)
+    return {"engine": engine, "elements": assembly.control.scene.model.elements()}
