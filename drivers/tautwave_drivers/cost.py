@@ -1,7 +1,9 @@
-"""The host's cost of an exchange, in turns with its floor: what the drivers' `measure` share.
+"""The host's cost of an exchange, in turns with its floor: the harness of the drivers' `measure`.
 
-The floor is the same bytes written and read back without interpretation. Driver, vendor library and
-floor take turns in short chunks of one run, so that they meet the same machine.
+It takes a driver, or a vendor's library, and the bytes of a cycle; a process of its own responds to
+them, over a pseudo-terminal or TCP, or stand-ins of the devices between the calls. The floor is the
+same bytes written and read back without interpretation. Both take turns in short chunks of one run,
+so that they meet the same machine.
 """
 
 from __future__ import annotations
@@ -10,11 +12,17 @@ import contextlib
 import gc
 import os
 import select
+import socket
 import subprocess
 import sys
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+from tautwave.contracts import AxisSpec, BusSpec, Clock, Driver
+from tautwave.errors import DriverError
+from tautwave.types import AxisCommand
 
 CHUNK = 20
 """Exchanges of one kind in a row, before it is the next kind's turn."""
@@ -35,8 +43,81 @@ while True:
 """
 """Program of a process that answers every request of the right length with the same bytes."""
 
+ACCEPTING = """
+import os, socket, sys
+listener = socket.socket(fileno=int(sys.argv[1]))
+while True:
+    peer, _ = listener.accept()
+    peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    if os.fork() == 0:
+        break
+sys.argv[1] = str(peer.fileno())
+"""
+"""What makes it one process for each connection."""
+
 Cycle = Callable[[], int]
 """One cycle; returns the time it took [ns]."""
+
+Made = tuple[Cycle, Callable[[], None]]
+"""A cycle, and what closes its end."""
+
+
+class Exchange(NamedTuple):
+    """The bytes of a cycle; over TCP the two that number a request begin its response as well."""
+
+    request: bytes
+    response: bytes
+    tcp: bool = False
+
+
+def bench_bus(ids: Sequence[int]) -> BusSpec:
+    """Return a bus with axes of these ids that take effort, at 1 kHz."""
+    axes = (AxisSpec(f"bench.a{one}", one, "rotary", "impedance", 1.0) for one in ids)
+    return BusSpec("bench", tuple(axes), 1000.0)
+
+
+def driver_cycle(
+    driver: Driver,
+    clock: Clock,
+    commands: Sequence[AxisCommand],
+    work: Callable[[], None] | None = None,
+) -> Cycle:
+    """Return what a driver does in a cycle, from commands in SI to samples in SI.
+
+    `work` is that of stand-ins in this process, in between and not timed: they miss no sample.
+    """
+    tick = time.perf_counter_ns
+
+    def cycle() -> int:
+        first = tick()
+        driver.request()
+        spent = tick() - first
+        if work is not None:
+            work()
+        first = tick()
+        states = driver.read(clock.now_ns() + LIMIT_NS)
+        driver.write(commands)
+        spent += tick() - first
+        if work is not None:
+            work()
+            if not all(state.valid for state in states):
+                raise DriverError(f"bench: a sample is missing: {list(driver.faults())}")
+        return spent
+
+    return cycle
+
+
+def measured(
+    exchange: Exchange, make: Callable[[str], Made], cycles: int
+) -> tuple[list[float], list[float]]:
+    """Return the times [us] of what `make` makes in front of a responder, and of their floor."""
+    request, response, tcp = exchange
+    with contextlib.ExitStack() as stack:
+        path, end = stack.enter_context(responder(exchange))
+        cycle, release = make(path)
+        stack.callback(release)
+        size = len(response) + (2 if tcp else 0)
+        return in_turn(cycles, cycle, timed(lambda: bare_exchange(end, request, size)))
 
 
 def timed(cycle: Callable[[], object]) -> Cycle:
@@ -82,17 +163,35 @@ def bare_exchange(end: int, request: bytes, count: int) -> None:
 
 
 @contextlib.contextmanager
-def responder_on_pty(request: int, response: bytes) -> Iterator[tuple[str, int]]:
-    """Yield path and open end of a pseudo-terminal with a process that responds behind it."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    words = [sys.executable, "-S", "-c", RESPONDER, str(master), str(request), response.hex()]
+def responder(exchange: Exchange) -> Iterator[tuple[str, int]]:
+    """Yield what a driver opens, and an open end for the floor, with a process that responds."""
     with contextlib.ExitStack() as stack:
+        if exchange.tcp:
+            listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+            code = ACCEPTING + RESPONDER.replace(
+                "os.read(link, 4096)", "os.read(link, 4096) or os._exit(0)"
+            )
+            _start(stack, code, listener.fileno(), exchange)
+            address = listener.getsockname()
+            end = stack.enter_context(socket.create_connection(address))
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            yield f"tcp://127.0.0.1:{address[1]}", end.fileno()
+            return
+        master, slave = os.openpty()
         stack.callback(os.close, slave)
+        tty.setraw(slave)
         try:
-            child = subprocess.Popen(words, pass_fds=(master,), stderr=subprocess.DEVNULL)
+            _start(stack, RESPONDER, master, exchange)
         finally:
             os.close(master)
-        stack.callback(child.wait)
-        stack.callback(child.kill)
         yield os.ttyname(slave), slave
+
+
+def _start(stack: contextlib.ExitStack, code: str, link: int, exchange: Exchange) -> None:
+    """Start the process that responds on a descriptor."""
+    request, response, tcp = exchange
+    words = [sys.executable, "-S", "-c", code, str(link), str(len(request)), response.hex()]
+    words += ["numbered"] if tcp else []
+    child = subprocess.Popen(words, pass_fds=(link,), stderr=subprocess.DEVNULL)
+    stack.callback(child.wait)
+    stack.callback(child.kill)

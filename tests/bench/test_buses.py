@@ -10,7 +10,9 @@ import pytest
 
 from tautwave import registry
 from tautwave.bench.buses import buses, one_processor
+from tautwave.clock import FakeClock
 from tautwave.contracts import CycleCost
+from tautwave.errors import DriverError
 from tautwave_drivers import cost
 from tautwave_drivers.serial_ports import port_names
 
@@ -94,6 +96,68 @@ def test_a_bare_exchange_waits_for_the_whole_response_but_not_forever(
         ours.setblocking(False)
         with pytest.raises(BlockingIOError):
             ours.recv(1)
+
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_a_responder_answers_a_driver_and_its_floor_alike(tcp: bool) -> None:
+    """Over TCP what numbers a request begins its response."""
+    made: list[str] = []
+    exchange = cost.Exchange(b"\1\2ask", b"reply", tcp)
+    whole = b"\1\2reply" if tcp else b"reply"
+    heard: list[bytes] = []
+
+    def make(path: str) -> cost.Made:
+        if tcp:
+            host, port = path.removeprefix("tcp://").split(":")
+            link = socket.create_connection((host, int(port)))
+            end = link.detach()
+        else:
+            end = os.open(path, os.O_RDWR | os.O_NOCTTY)
+
+        def ask() -> None:
+            os.write(end, exchange.request)
+            answer = b""
+            while len(answer) < len(whole):
+                answer += os.read(end, 100)
+            heard.append(answer)
+
+        made.append(path)
+        return cost.timed(ask), lambda: os.close(end)
+
+    spent, floor = cost.measured(exchange, make, 3)
+    assert len(made) == 1
+    assert len(spent) == len(floor) == 3
+    assert set(heard) == {whole}
+    assert max(floor) < cost.LIMIT_NS * 1e-3  # answered, not timed out
+
+
+def test_stand_ins_that_miss_a_sample_are_an_error_and_their_work_is_not_timed() -> None:
+    log: list[str] = []
+
+    class Driver:
+        valid = True
+
+        def request(self) -> None:
+            log.append("request")
+
+        def read(self, deadline_ns: int) -> list[SimpleNamespace]:
+            log.append("read")
+            return [SimpleNamespace(valid=self.valid)]
+
+        def write(self, commands: list[str]) -> None:
+            log.append(*commands)
+
+        def faults(self) -> tuple[()]:
+            return ()
+
+    driver = Driver()
+    cycle = cost.driver_cycle(driver, FakeClock(), ["write"], lambda: log.append("work"))  # type: ignore[arg-type,list-item]
+    assert cycle() > 0
+    assert log == ["request", "work", "read", "write", "work"]
+    driver.valid = False
+    with pytest.raises(DriverError, match="a sample is missing"):
+        cycle()
+    cost.driver_cycle(driver, FakeClock(), ["write"])()  # type: ignore[arg-type,list-item]  # a late process: a long cycle
 
 
 def test_stand_in_drives_answer_the_canopen_driver() -> None:

@@ -15,7 +15,7 @@ from typing import Protocol
 import can
 
 from tautwave.clock import MonotonicClock
-from tautwave.contracts import AxisSpec, BusSpec, Clock, CycleCost, FramePort
+from tautwave.contracts import Clock, CycleCost, FramePort
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
 from tautwave_drivers.canopen.bus.frames import RawPort
@@ -25,7 +25,7 @@ from tautwave_drivers.canopen.health import SYNC_ID
 from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1
 from tautwave_drivers.canopen.options import CanopenOptions, Node
 from tautwave_drivers.cia402.states import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON
-from tautwave_drivers.cost import Cycle, in_turn
+from tautwave_drivers.cost import Cycle, bench_bus, driver_cycle, in_turn
 
 NODES = (1, 2)
 RAW_GOAL_US, VIRTUAL_GOAL_US = 25.0, 60.0
@@ -34,7 +34,6 @@ CHANNEL = "tautwave-bench"
 _FRAME = struct.Struct("<IB3x8s")
 _TPDO = struct.Struct("<Hib")
 _STATES = {SHUTDOWN: 0x0231, SWITCH_ON: 0x0233, ENABLE_OPERATION: 0x1237}
-_FAR_NS = 1_000_000_000
 
 
 class End(Protocol):
@@ -113,8 +112,8 @@ class StandIns:
                 self._words[can_id - RPDO_1] = _STATES.get(word & 0x8F, 0x0250)
 
 
-def driver_cycle(driver: CanopenDriver, clock: Clock, end: End) -> Cycle:
-    """Return the work of a cycle: request, read and write, with all TPDOs in; returns its time."""
+def enabled_cycle(driver: CanopenDriver, clock: Clock, end: End) -> Cycle:
+    """Return the work of a cycle with all TPDOs in."""
     drives = StandIns(end)
     for _ in range(100):
         if driver.enable_step():
@@ -122,24 +121,7 @@ def driver_cycle(driver: CanopenDriver, clock: Clock, end: End) -> Cycle:
         drives.work()
     else:
         raise DriverError("bench: the stand-in drives were not enabled")
-    tick = time.perf_counter_ns
-    commands = [AxisCommand(0.01, 0.0)] * len(NODES)
-
-    def cycle() -> int:
-        first = tick()
-        driver.request()
-        spent = tick() - first
-        drives.work()
-        first = tick()
-        states = driver.read(clock.now_ns() + _FAR_NS)
-        driver.write(commands)
-        spent += tick() - first
-        drives.work()
-        if not all(state.valid for state in states):
-            raise DriverError(f"bench: a TPDO is missing: {list(driver.faults())}")
-        return spent
-
-    return cycle
+    return driver_cycle(driver, clock, [AxisCommand(0.01, 0.0)] * len(NODES), drives.work)
 
 
 def bare_cycle(master: End, end: End) -> Cycle:
@@ -166,10 +148,9 @@ def bare_cycle(master: End, end: End) -> Cycle:
 
 
 def _driver(clock: Clock, port: FramePort) -> CanopenDriver:
-    axes = tuple(AxisSpec(f"bench.{node}", node, "rotary", "impedance", 1.0) for node in NODES)
     nodes = tuple(Node(id=node, rated_torque=0.5, counts_per_revolution=4096) for node in NODES)
     options = CanopenOptions(interface="virtual", channel=CHANNEL, nodes=nodes)
-    driver = CanopenDriver(options, BusSpec("bench", axes, 1000.0), clock, None)
+    driver = CanopenDriver(options, bench_bus(NODES), clock, None)
     driver.attach(port)
     return driver
 
@@ -184,7 +165,7 @@ def measure(cycles: int) -> Sequence[CycleCost]:
             stack.callback(end.close)
         driver = _driver(clock, RawPort(pairs[0][0], clock, "bench"))
         raw = in_turn(
-            cycles, driver_cycle(driver, clock, ends[0][1]), bare_cycle(*ends[1]), IN_TURN
+            cycles, enabled_cycle(driver, clock, ends[0][1]), bare_cycle(*ends[1]), IN_TURN
         )
     with ExitStack() as stack:
         buses = [BusEnd(f"{CHANNEL}-{at // 2}") for at in range(4)]
@@ -192,7 +173,7 @@ def measure(cycles: int) -> Sequence[CycleCost]:
             stack.callback(bus.close)
         driver = _driver(clock, polled(buses[0].bus, clock, "bench"))
         virtual = in_turn(
-            cycles, driver_cycle(driver, clock, buses[1]), bare_cycle(buses[2], buses[3]), IN_TURN
+            cycles, enabled_cycle(driver, clock, buses[1]), bare_cycle(buses[2], buses[3]), IN_TURN
         )
     return [
         CycleCost("cycle, raw socket (datagram pair)", *raw, goal_us=RAW_GOAL_US),

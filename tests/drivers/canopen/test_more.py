@@ -21,7 +21,7 @@ from tautwave_drivers.canopen.measure import (
     SocketEnd,
     _driver,
     bare_cycle,
-    driver_cycle,
+    enabled_cycle,
     measure,
 )
 from tautwave_sim.canopen.dictionary import Entry
@@ -195,7 +195,7 @@ def test_a_measured_cycle_and_its_floor_exchange_the_same_five_frames() -> None:
         (ours, theirs), (bare_ours, bare_theirs) = pairs
         driven, bare = Heard(theirs), Heard(bare_theirs)
         cycles = (
-            driver_cycle(_driver(clock, RawPort(ours, clock, "bench")), clock, driven),
+            enabled_cycle(_driver(clock, RawPort(ours, clock, "bench")), clock, driven),
             bare_cycle(SocketEnd(bare_ours), bare),
         )
         for cycle, heard in zip(cycles, (driven, bare), strict=True):

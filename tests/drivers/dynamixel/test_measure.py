@@ -8,7 +8,7 @@ import tty
 
 import pytest
 
-from tautwave_drivers.dynamixel.measure import _bytes, _sdk_fast, _sdk_sync
+from tautwave_drivers.dynamixel.measure import _sdk_cycle, _sdk_fast, bytes_of
 from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.fast import FastStatus
@@ -19,14 +19,14 @@ pytestmark = pytest.mark.realtime
 def test_the_answers_of_the_floor_are_those_of_two_servos() -> None:
     """Each says its id as its current, 3 as its velocity, and 2048 steps as its place."""
     samples = [bytes((one, 0, 3, 0, 0, 0, 0, 8, 0, 0)) for one in (1, 2)]
-    answer = bytearray(_bytes("2 servos, sync")[1])
+    answer = bytearray(bytes_of("2 servos, sync").response)
     for one, data in zip((1, 2), samples, strict=True):
         assert packet.take_packet(answer) == (one, 0x55, b"\0" + data)
     assert answer == b""
-    answer = bytearray(_bytes("2 servos, fast")[1])
+    answer = bytearray(bytes_of("2 servos, fast").response)
     assert FastStatus(2, 10).take(answer) == [(1, 0, samples[0], 0), (2, 0, samples[1], 1)]
     assert int.from_bytes(answer[5:7], "little") == len(answer) - 7
-    asked, response = _bytes("1 servo")
+    asked, response, _ = bytes_of("1 servo")
     assert packet.take_packet(bytearray(asked)) == (1, 0x02, bytes((132, 0, 4, 0)))
     assert packet.take_packet(bytearray(response)) == (1, 0x55, bytes(5))
 
@@ -37,8 +37,8 @@ def test_the_sdk_sends_a_goal_to_each_servo_and_as_much_as_its_floor(kind: str) 
     pytest.importorskip("dynamixel_sdk")
     line, end = os.openpty()
     tty.setraw(end)
-    cycle, release = (_sdk_sync if kind == "sync" else _sdk_fast)(os.ttyname(end))
-    floor, answer = _bytes(f"2 servos, {kind}")
+    cycle, release = (_sdk_cycle if kind == "sync" else _sdk_fast)(os.ttyname(end))
+    floor, answer, _ = bytes_of(f"2 servos, {kind}")
     sent = [b"", b""]
     for number in range(2):
         cycle()
