@@ -76,7 +76,7 @@ def test_wall_with_passivity_control_and_port_share_one_bound(speed: float, apar
 def test_noise_does_not_hide_a_velocity(margin: bool, monkeypatch) -> None:
     """Some of a dozen seeds show the lever slower than it is: a bound without margin is broken."""
     if not margin:
-        monkeypatch.setattr(claims, "velocity_doubt", lambda _: 0.0)
+        monkeypatch.setattr(claims, "velocity_doubt", lambda *_: 0.0)
     found = []
     for seed in range(1, 13):
         rig = stalling.load(NOISY, f"seed={seed}")
