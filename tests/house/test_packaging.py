@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from importlib.metadata import entry_points, packages_distributions, version
 from pathlib import Path
 
@@ -34,6 +35,13 @@ def test_the_changelog_begins_with_this_version() -> None:
     when = re.fullmatch(rf"\[{re.escape(tautwave.__version__)}\] - (\S+)", heading[1])
     assert when is not None, heading[1]
     assert when[1] == "unreleased" or re.fullmatch(r"\d{4}-\d{2}-\d{2}", when[1])
+
+
+def test_no_line_of_the_changelog_begins_as_another() -> None:
+    """Git unites both sides of it, so a line that two branches changed stands there twice."""
+    lines = (ROOT / "CHANGELOG.md").read_text().splitlines()
+    beginnings = Counter(line[:45] for line in lines if len(line) >= 45)
+    assert {text for text, count in beginnings.items() if count > 1} == set()
 
 
 def test_nothing_else_lies_on_the_top_level() -> None:

@@ -296,6 +296,15 @@ def test_the_node_of_a_dcf_is_read_in_both_spellings(
 ) -> None:
     file = read(tmp_path / "a.dcf", dcf(f"[{spelling}]\nNodeID={text}\n" + entry("777")))
     assert file.node_id == node
+    assert file.remarks == ()
+
+
+@pytest.mark.parametrize("text", ["128", "-1", "axis 3", "9" * 500])
+def test_a_node_id_that_is_none_is_said(tmp_path: Path, text: str) -> None:
+    file = read(tmp_path / "a.dcf", dcf(f"[DeviceComissioning]\nNodeID={text}\n" + entry("777")))
+    assert file.node_id is None
+    (said,) = file.remarks
+    assert f"NodeID is {text[:40]!r}, no node id (1 to 127)" in said
 
 
 def test_the_identity_is_that_of_1018_and_of_the_device_info_where_it_is_empty(

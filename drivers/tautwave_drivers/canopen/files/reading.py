@@ -40,6 +40,8 @@ _OTHERS = re.compile(
 """Sections that hold no objects, by CiA 306."""
 _PLAIN = re.compile("info|issioning|comments|dummyusage")
 """Sections whose keys are words: a number there was an object's."""
+_NO_NODE = (0, 0xFF)
+"""Node ids of a device that has none yet."""
 _COMMENTS = (";", "#", "//")
 _KNOWN = {
     *("parametername", "objecttype", "datatype", "accesstype", "defaultvalue", "parametervalue"),
@@ -187,6 +189,11 @@ def _read(path: str, mtime_ns: int, size: int) -> DeviceFile:
     stated = commissioning.get("nodeid")
     node_id = integer(stated.text) if stated else None
     node_id = node_id if node_id is not None and 1 <= node_id <= 127 else None
+    if stated and stated.text and node_id is None and integer(stated.text) not in _NO_NODE:
+        remarks.append(
+            f"{path}:{stated.line}: NodeID is {stated.text[:40]!r}, no node id (1 to 127): whose "
+            "file this is was not compared"
+        )
     return DeviceFile(path, objects, info, node_id, tuple(remarks))
 
 
