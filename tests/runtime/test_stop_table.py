@@ -245,12 +245,12 @@ def simulated(rig: Rig) -> None:
         given = rig.simulation.model_copy(update={"faults": faults})
         done = simulate(rig.model_copy(update={"seed": seed, "simulation": given}))
         rows = {name: done[name] for name in done.columns}
-        alone = [lone(rows, name) for name in rig.axes]
+        alone = [lone(rig, rows, name) for name in rig.axes]
         stop = min(alone)
         if stop < PUSHING or done.error is None:
             continue
         stopped += 1
-        in_a_row = max(misses(rows, name, stop) for name in rig.axes)
+        in_a_row = max(misses(rig, rows, name, stop) for name in rig.axes)
         found = []
         for name, own in zip(rig.axes, alone, strict=True):
             sent = stops.TABLE["effort"]["silent"]
@@ -266,24 +266,24 @@ PUSHING = 120
 """Row from which both sides push."""
 
 
-def lone(rows: dict[str, Any], name: str) -> int:
-    """Return the row in which an axis has had no sample for too many slots."""
-    unseen = 0
-    for k, (valid, skipped) in enumerate(
-        zip(rows[f"{name}.valid"], rows["skipped_slots"], strict=True)
-    ):
-        unseen = 0 if valid > 0.5 else unseen + 1 + int(skipped)
+def lone(rig: Rig, rows: dict[str, Any], name: str) -> int:
+    """Return the row in which an axis has had no sample for too many periods of its bus."""
+    unseen = served = 0
+    for k, valid in enumerate(rows[f"{name}.valid"]):
+        if not is_served(rig, rows, name, k):
+            continue
+        now = round(rows["time_s"][k] * rig.rate_hz + 1) // rig.axis_divisor(name)
+        unseen = 0 if valid > 0.5 else unseen + now - served
+        served = now
         if unseen >= LIMIT:
             return k
     return len(rows["time_s"])
 
 
-def misses(rows: dict[str, Any], name: str, row: int) -> int:
-    """Return how many rows in a row, up to this one, an axis has had no sample."""
-    count = 0
-    while row >= count and not rows[f"{name}.valid"][row - count] > 0.5:
-        count += 1
-    return count
+def misses(rig: Rig, rows: dict[str, Any], name: str, row: int) -> int:
+    """Return how many exchanges in a row, up to this row's, an axis has had no sample."""
+    own = [rows[f"{name}.valid"][k] > 0.5 for k in range(row + 1) if is_served(rig, rows, name, k)]
+    return own[::-1].index(True)
 
 
 GAINS = "stiffness: 8.0, damping: 0.05"
