@@ -12,6 +12,7 @@ import pytest
 
 from tautwave.report.run import page
 from tautwave.report.run.page import write_page
+from tautwave.summary.markup import Markup
 
 
 class Drawn(NamedTuple):
@@ -20,19 +21,19 @@ class Drawn(NamedTuple):
     name: str
     size: int
 
-    def keep(self, directory: Path) -> tuple[int, Callable[[], str]]:
+    def keep(self, directory: Path) -> tuple[int, Callable[[], Markup]]:
         (directory / self.name).write_text("drawn")
-        return self.size, lambda: f"<p>{self.name} inside</p>"
+        return self.size, lambda: Markup("<p>{} inside</p>").format(self.name)
 
-    def beside(self) -> str:
-        return f"<p>{self.name} beside</p>"
+    def beside(self) -> Markup:
+        return Markup("<p>{} beside</p>").format(self.name)
 
 
 def test_a_page_is_filled_to_the_byte_and_what_stands_beside_it_takes_no_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sizes = {"a": 101, "b": 60, "c": 41, "d": 40, "e": 1, "f": 0}
-    body = ["<p>words</p>", *(Drawn(name, size) for name, size in sizes.items())]
+    body = [Markup("<p>words</p>"), *(Drawn(name, size) for name, size in sizes.items())]
     monkeypatch.setattr(page, "_body", lambda run: body)
     monkeypatch.setattr(page, "PICTURE_BYTES", 100)
     run: Any = SimpleNamespace(name="bench", directory=tmp_path)
