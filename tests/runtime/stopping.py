@@ -23,8 +23,8 @@ from tautwave.runtime.operate.commands import Script, read_script
 from tautwave.session.engine import with_engine
 from tautwave.session.identification.exciting import Excitation, excite, plan_excitation
 from tautwave.session.operating import with_operation
-from tautwave.session.scene_pace import choose_engine, use_engine
 from tautwave.types import AxisCommand, Fault, JointState
+from tautwave_scenes.session.pace import choose_engine, use_engine
 from tests.arms.motions import FOLLOWING, PLANAR
 from tests.rigs.running import ListSink, Tree, rig_of, tree
 
