@@ -235,7 +235,8 @@ class Done(NamedTuple):
 def fail(rig: Rig, failure: str, axis: str, *, excited: bool = False) -> Done:
     """Run a rig whose axis fails."""
     built = with_engine(rig, build_rig(rig, clock="fake"))
-    built = use_engine(built, choose_engine(rig, "fake").name)
+    if rig.scene is not None:
+        built = use_engine(built, choose_engine(rig, "fake").name)
     if rig.operate is not None:
         built = with_operation(rig, built, [Script(read_script("", "script"))], [])
     if excited:

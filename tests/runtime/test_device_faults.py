@@ -101,7 +101,7 @@ def test_a_servo_in_fault_carries_no_load_until_it_is_reset() -> None:
 
 
 def test_what_is_not_there_stays_held_and_says_why() -> None:
-    done = operated(servo_tree(REMOVED[0]), "0.1 engage\n0.8 rest\n1.0 rest\n1.2 engage", 1.5)
+    done = operated(servo_tree(REMOVED[0]), "0.1 engage\n0.8 rest\n1.8 rest\n2.8 engage", 3.2)
     assert done.result.error is None
     assert done.control.standing == st.Standing(st.HOLDING, True)
     said = [entry.text for entry in done.control.journal.entries]

@@ -9,7 +9,10 @@ from typing import NamedTuple
 from tautwave.rig.ways import command_delays
 from tautwave.runtime.operate import states as st
 from tautwave.session.facts import port_claims
-from tautwave.session.sites.agreed import claim_sessions
+from tautwave.session.sites.agreed import with_sessions
+from tautwave.summary import checked
+from tautwave.summary.model import Pair as Ends
+from tautwave.summary.model import Session, Site
 from tests.session.sites import Half, Pair
 
 SLOTS = 450
@@ -69,10 +72,23 @@ def random_day(seed: int, slots: int = SLOTS) -> Day:
 def _given(half: Half) -> float:
     """Return what a site gave out, as a share of what it claims with all that was granted."""
     claims = port_claims(half.rig, "lever", command_delays(half.rig))
-    summary = {"link": half.control.summary(), "pairs": {"lever": claims}}
-    claim_sessions(summary)
+    claimed = of_all_sessions(half, claims["claim_j"][half.side])
     taken = half[f"{half.side}.lever.port_energy"]
-    return float(-taken.min()) / float(summary["pairs"]["lever"]["claim_j"][half.side])
+    return float(-taken.min()) / claimed
+
+
+def of_all_sessions(half: Half, claim: float) -> float:
+    """Return what an end claims over all sessions of a site [J], with what was granted."""
+    done = half.control.summary()
+    site = Site(
+        site=half.side,
+        sessions=tuple(checked(Session, session) for session in done["sessions"]),
+        granted_j=done["granted_j"],
+    )
+    pairs = with_sessions({"lever": Ends(claim_j={half.side: claim})}, site)
+    found = pairs["lever"].claim_j[half.side]
+    assert found is not None
+    return found
 
 
 def judge(day: Day) -> None:

@@ -10,8 +10,7 @@ import pytest
 
 from tautwave.errors import ConfigError, LinkError
 from tautwave.runtime.operate.states import STATES
-from tautwave.session.sites.agreed import claim_sessions
-from tests.session.site_days import COUNTS, FREE, judge, random_day
+from tests.session.site_days import COUNTS, FREE, judge, of_all_sessions, random_day
 from tests.session.sites import Half, Pair
 
 Make = Callable[..., Pair]
@@ -203,10 +202,8 @@ def test_a_clutch_keeps_the_offset_that_there_is(pair: Make) -> None:
     clutched = two.master["operation.state"] == float(STATES.index("clutched"))
     assert not np.any(two.master["master.lever.commanded"][clutched])  # it is free
     assert "fault" not in [word for word, *_ in words(two.slave)]
-    summary = {"link": two.slave.control.summary(), "pairs": {"lever": {"claim_j": {"slave": 1.0}}}}
-    claim_sessions(summary)
     (granted,) = two.slave.control.summary()["granted_j"].values()
-    assert summary["pairs"]["lever"]["claim_j"]["slave"] == 2.0 + granted
+    assert of_all_sessions(two.slave, 1.0) == 2.0 + granted
 
 
 @SLOW
