@@ -307,6 +307,13 @@ def test_a_node_id_that_is_none_is_said(tmp_path: Path, text: str) -> None:
     assert f"NodeID is {text[:40]!r}, no node id (1 to 127)" in said
 
 
+@pytest.mark.parametrize("key", ["VendorNumber", "ProductNumber", "RevisionNumber"])
+def test_an_identity_that_is_no_number_is_said(tmp_path: Path, key: str) -> None:
+    file = read(tmp_path / "a.dcf", dcf(f"[DeviceInfo]\n{key}=zz\n" + entry("777")))
+    said = f"{key.lower()} is 'zz', no number: it was not compared"
+    assert any(one.endswith(said) for one in file.remarks)
+
+
 def test_the_identity_is_that_of_1018_and_of_the_device_info_where_it_is_empty(
     tmp_path: Path,
 ) -> None:

@@ -181,7 +181,14 @@ def _read(path: str, mtime_ns: int, size: int) -> DeviceFile:
             f"{path}: not an EDS or DCF file: it defines no objects; use the one from the drive's "
             "vendor"
         )
-    info = {key: one.text for key, one in _fields(sections, "deviceinfo").items()}
+    identity = _fields(sections, "deviceinfo")
+    info = {key: one.text for key, one in identity.items()}
+    for key in ("vendornumber", "productnumber", "revisionnumber"):
+        one = identity.get(key)
+        if one and one.text and integer(one.text) is None:
+            remarks.append(
+                f"{path}:{one.line}: {key} is {one.text[:40]!r}, no number: it was not compared"
+            )
     commissioning = {
         **_fields(sections, "devicecommissioning"),
         **_fields(sections, "devicecomissioning"),  # as CiA 306 spells it
