@@ -20,7 +20,8 @@ from tautwave.cli.terminal.summary import last_line
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session import running
 from tautwave.session.reporting import final_code, lost_rows
-from tautwave.summary.model import Recording
+from tautwave.summary import Summary
+from tautwave.summary.model import AfterRun, Certificate, Outcome, Recording
 from tests.commands import PATIENT, child_of, keep_in_one_process, tautwave
 
 pytestmark = [pytest.mark.realtime, pytest.mark.usefixtures("no_bytecode")]
@@ -349,16 +350,17 @@ def test_6_5_and_3_outrank_7(code: int, invalidated: bool, incomplete: bool) -> 
 
 
 def test_the_last_line_names_both() -> None:
-    summary = {
-        "outcome": {"kind": "fault", "sentence": "arm: no answer."},
-        "certificate": {"after_run": {"sentences": ["one", "the period was 2 ms."]}},
-        "incomplete": "the recording is incomplete: disk full",
-    }
+    after = AfterRun(sentences=("one", "the period was 2 ms."))
+    summary = Summary(
+        outcome=Outcome(kind="fault", sentence="arm: no answer."),
+        certificate=Certificate(after_run=after),
+        incomplete="the recording is incomplete: disk full",
+    )
     assert last_line("a", summary, 5) == "arm: no answer; the recording is incomplete: disk full"
     three = last_line("a", summary, 3).splitlines()
     assert three == ["one", "the period was 2 ms; the recording is incomplete: disk full"]
     assert last_line("a", summary, 7) == "a: the recording is incomplete: disk full"
-    assert last_line("a", {**summary, "incomplete": None}, 5) == "arm: no answer."
+    assert last_line("a", summary.model_copy(update={"incomplete": None}), 5) == "arm: no answer."
 
 
 @pytest.mark.parametrize("words", [("--help",), ("run", "--help")])

@@ -23,6 +23,7 @@ from tautwave.report.run.tables import claim_table
 from tautwave.report.run.verdicts import verdicts
 from tautwave.rig import command_delays
 from tautwave.session.reporting import final_code
+from tautwave.summary.model import Motors
 from tests.certificate.rigs import rig
 
 ROWS = 2000
@@ -127,7 +128,7 @@ def test_report_and_terminal_show_claim_and_judgement(
     assert any(plain(line) in plain(sentence) for sentence in books.sentences)
     [section] = [
         one
-        for one in summary_sections("rig", found.summary, Path(), 0)
+        for one in summary_sections("rig", found.result, Path(), 0)
         if one.title == "Energy books"
     ]
     [shown] = [one for one in section.rows if one[0] == "claims of the ports"]
@@ -137,10 +138,10 @@ def test_report_and_terminal_show_claim_and_judgement(
 
 def test_a_blow_does_not_count_as_what_the_motors_may_not_deliver() -> None:
     found = reported(0.05, 6.0 / 2000.0)
-    assert blows_of(found.summary, "lever") == pytest.approx(0.05)
-    motors = {"worst": 0.06, "stated_debt": 0.04}
+    assert blows_of(found.result, "lever") == pytest.approx(0.05)
+    motors = Motors(worst=0.06, stated_debt=0.04)
     assert exceeds(motors, 0.0)
-    assert not exceeds(motors, 0.0, blows_of(found.summary, "lever"))
+    assert not exceeds(motors, 0.0, blows_of(found.result, "lever"))
 
 
 def test_the_damper_of_a_matched_end_is_part_of_it() -> None:

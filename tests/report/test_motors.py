@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import _books, verdicts
 from tautwave.rig import command_delays
 from tautwave.session.facts import pair_facts, port_claims
+from tautwave.summary.model import Motors
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, rig
 from tests.report.synthetic import make_columns
 from tests.report.synthetic import rig as rig_keys
@@ -68,7 +68,7 @@ def test_what_the_motors_gave_is_their_work_on_the_devices(changes: tuple[str, .
     assert reported["net"] == pytest.approx(work[-1], rel=1e-9)
     assert reported["worst"] == pytest.approx(work.max(), abs=1e-12)
     assert reported["worst_at_s"] == pytest.approx(1e-3 * int(np.argmax(work)))
-    assert not exceeds(reported, 1.0)
+    assert not exceeds(Motors(**reported), 1.0)
     energy = rebuild_summary(run)["energy_j"]
     assert energy["motors_net"] == reported["net"]
     assert energy["stated_debt"] == reported["stated_debt"]
@@ -93,12 +93,13 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
     reported = motor_energy(run, "lever")
     assert reported["worst"] > reported["stated_debt"]
     summary = {**rebuild_summary(run), "energy_j": rebuild_summary(run)["energy_j"]}
-    shown = next(s for s in summary_sections("x", summary, Path(), 0) if s.title == "Energy books")
+    run.summary = {**run.summary, **json.loads(json.dumps(summary))}
+    sections = summary_sections("x", run.result, Path(), 0)
+    shown = next(one for one in sections if one.title == "Energy books")
     [row] = [row for row in shown.rows if row[0] == "at the worst moment"]
     assert isinstance(row[1], Cell)
     assert row[1].style == BAD
     assert "exceeded" in row[2].text  # type: ignore[union-attr]
-    run.summary.update(json.loads(json.dumps(summary)))
     books = verdicts(run)[0]
     assert books.status == "bad"
     assert any("more than the" in sentence for sentence in books.sentences)
@@ -112,7 +113,7 @@ def test_what_no_rig_states_is_no_debt_and_nothing_exceeds_it() -> None:
     given = -sum(columns[f"{side}.wrist.port_energy"] for side in ("master", "slave"))
     assert reported["net"] == pytest.approx(given[-1] - given[0])
     assert "stated_debt" not in reported
-    assert not exceeds({**reported, "worst": 1e3}, 1.0)
+    assert not exceeds(Motors(**{**reported, "worst": 1e3}), 1.0)
 
 
 @pytest.mark.parametrize(("worst", "status"), [(0.9e-3, "ok"), (1.1e-3, "bad")])
@@ -122,7 +123,7 @@ def test_books_that_close_are_bad_where_motors_gave_more_than_the_debt(
     motors = {"worst": worst, "worst_at_s": 1.0, "stated_debt": 1e-3}
     energy = {"gross_flow": 1.0, "residual": 0.0, "motors_net": 1e-4, "generated": 0.0}
     summary = {"energy_j": energy, "pairs": {"wrist": {"motors": motors}}}
-    books = _books(SimpleNamespace(summary=summary, pairs=("wrist",)))  # type: ignore[arg-type]
+    books = _books(Run(Path(), {}, "", summary))
     assert books.status == status
     assert any("more than the" in sentence for sentence in books.sentences) == (status == "bad")
 

@@ -16,6 +16,7 @@ from tautwave.report.run.loading import load_run
 from tautwave.report.run.tables import loop_table
 from tautwave.report.run.verdicts import verdicts as verdicts_of
 from tautwave.report.units import MISSING, microseconds, quantity, ratio
+from tautwave.summary import Summary
 from tests.report.synthetic import make_columns, make_run, write_recording
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -186,7 +187,7 @@ def test_a_fault_before_the_first_cycle_leaves_out_what_never_was(tmp_path, colu
     for title in ("Pair wrist", "Energy books", "Tracking", "Precision", "Timing"):
         assert title not in page.text
     assert "Axes" in page.text
-    lines = [section.title for section in summary_sections("a", {"cycles": 0}, tmp_path, 5)]
+    lines = [section.title for section in summary_sections("a", Summary(cycles=0), tmp_path, 5)]
     assert lines[1:] == ["Devices", "Unused elements", "Files"]
 
 

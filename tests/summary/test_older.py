@@ -71,5 +71,5 @@ def test_it_is_written_as_the_newest_and_read_again(path: Path) -> None:
 def test_it_is_shown_on_a_terminal_and_loaded_by_the_report(path: Path, tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text(path.read_text())
     run = load_run(tmp_path)
-    shown = summary_sections("older", run.summary, tmp_path, 0)
+    shown = summary_sections("older", run.result, tmp_path, 0)
     assert {section.title for section in shown} >= {"Devices", "Energy books"}

@@ -127,6 +127,7 @@ def run(
     from tautwave.cli.terminal.streams import unheard, warn
     from tautwave.cli.terminal.summary import last_line, summary_sections
     from tautwave.config import load_rig
+    from tautwave.summary import summary_of
 
     loaded = load_rig(
         rig, at_site(overrides, site), choose=False
@@ -171,14 +172,15 @@ def run(
     if cast("Commands", ctx.find_root().command).owns_process:
         with interrupts() as heard:
             heard.stay_deaf()
+    summary, _ = summary_of(result.summary)
     with unheard(sys.stdout):
-        show(summary_sections(loaded.name, result.summary, result.directory, result.exit_code))
+        show(summary_sections(loaded.name, summary, result.directory, result.exit_code))
     played = _played(result.directory) if play else ""
     with unheard(sys.stderr):
         if played:
             click.echo(played, err=True)
         if result.exit_code:
-            click.echo(last_line(loaded.name, result.summary, result.exit_code), err=True)
+            click.echo(last_line(loaded.name, summary, result.exit_code), err=True)
     ctx.exit(result.exit_code)
 
 

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
-from tautwave.report.units import number
+from tautwave.summary.model import Side
 from tautwave.types import VOLUNTARY_HZ
 
 UNCALM = 0.2
 """Share of motion power above 8 Hz from which on a pair buzzes."""
 
 
-def worst_share(shares: Any) -> tuple[str, float] | None:
+def worst_share(shares: Mapping[Side, float | None]) -> tuple[str, float] | None:
     """Return the side with the greater `fast_share` of a summary, and that; None without any."""
-    if not isinstance(shares, dict) or not shares:
+    if not shares:
         return None
-    side = max(shares, key=lambda it: number(shares[it]) or 0.0)
-    return side, number(shares[side]) or 0.0
+    side = max(shares, key=lambda it: shares[it] or 0.0)
+    return side, shares[side] or 0.0
 
 
-def unrest(shares: Any, pair: str) -> str:
+def unrest(shares: Mapping[Side, float | None], pair: str) -> str:
     """Return a sentence on a pair that buzzes, "" where it is calm."""
     found = worst_share(shares)
     if found is None or found[1] <= UNCALM:

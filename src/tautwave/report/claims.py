@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
-from tautwave.report.units import number, quantity
+from tautwave.report.units import quantity
+from tautwave.summary import Summary
+from tautwave.summary.model import Motors
 
 ROUNDING = 1e-9
 """Share of the gross flow by which rounding may exceed a stated debt."""
@@ -33,14 +35,12 @@ class Kept(NamedTuple):
         return "kept"
 
 
-def kept_claims(summary: Mapping[str, Any]) -> Iterator[Kept]:
+def kept_claims(summary: Summary) -> Iterator[Kept]:
     """Yield the judgement of every end that has one in a summary."""
-    after = (summary.get("certificate") or {}).get("after_run") or {}
-    for axis, end in (after.get("ends") or {}).items():
-        given, blow, claim = (number(end.get(f"{key}_j")) for key in ("given", "blow", "claim"))
-        if given is not None and claim is not None:
-            true = number(end.get("true_j"))
-            yield Kept(axis, given, blow or 0.0, claim, true, end.get("passed"))
+    for axis, end in summary.certificate.after_run.ends.items():
+        if end.given_j is not None and end.claim_j is not None:
+            blow = end.blow_j or 0.0
+            yield Kept(axis, end.given_j, blow, end.claim_j, end.true_j, end.passed)
 
 
 def claims_sentence(ends: list[Kept]) -> str:
@@ -59,18 +59,17 @@ def claims_sentence(ends: list[Kept]) -> str:
     return text
 
 
-def exceeds(motors: Mapping[str, Any], gross_flow: float, blows: float = 0.0) -> bool:
+def exceeds(motors: Motors, gross_flow: float, blows: float = 0.0) -> bool:
     """Return whether motors delivered more than `stated_debt` and what blows from outside made.
 
-    `motors` is a pair's `motors` in the summary (`tautwave.report.motors.motor_energy`),
     `gross_flow` and `blows` in J.
     """
-    worst, debt = number(motors.get("worst")), number(motors.get("stated_debt"))
+    worst, debt = motors.worst, motors.stated_debt
     if worst is None or debt is None:
         return False
     return worst > debt + blows + ROUNDING * gross_flow
 
 
-def blows_of(summary: Mapping[str, Any], pair: str) -> float:
+def blows_of(summary: Summary, pair: str) -> float:
     """Return what the motors of a pair gave in blows from outside [J]."""
     return sum(end.blow for end in kept_claims(summary) if end.axis.split(".", 1)[1] == pair)

@@ -53,7 +53,11 @@ def _certificate(data: Data) -> Data:
     found = dict(data)
     for key in ("verdicts", "loops"):
         found[key] = {
-            name: one if isinstance(one, dict) else {"passed": one if one is True else None}
+            name: one
+            if isinstance(one, dict)
+            else {"passed": True, "state": "passed"}
+            if one is True
+            else {}
             for name, one in _dict(found.get(key)).items()
         }
     elements = _dict(found.get("elements"))

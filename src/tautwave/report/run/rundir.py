@@ -19,6 +19,8 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.scratch import Scratch
 from tautwave.report.units import number
 from tautwave.runtime.operate.states import ENGAGED, STATES
+from tautwave.summary import Summary, summary_of
+from tautwave.summary.model import Pair
 from tautwave.wording import CouplingMessages
 
 if TYPE_CHECKING:
@@ -51,6 +53,18 @@ class Run:
     whole: Recording | None = None
     time: Floats | None = None
     scratch: Scratch | None = None
+    _typed: tuple[dict[str, Any], Summary] | None = field(default=None, repr=False)
+
+    @property
+    def result(self) -> Summary:
+        """The summary as types."""
+        if self._typed is None or self._typed[0] is not self.summary:
+            self._typed = self.summary, summary_of(self.summary)[0]
+        return self._typed[1]
+
+    def result_of(self, pair: str) -> Pair:
+        """Return what the summary has on a pair; all of it unknown where it has nothing."""
+        return self.result.pairs.get(pair, Pair())
 
     def read(self, *names: str, rows: slice = slice(None)) -> dict[str, Floats]:
         """Full columns by name; unrecorded names are omitted."""
@@ -92,12 +106,12 @@ class Run:
     @property
     def began(self) -> bool:
         """Whether there was a cycle, or it is unknown; without one there is nothing to show."""
-        return self.rows > 0 or number(self.summary.get("cycles")) != 0.0
+        return self.rows > 0 or self.result.cycles != 0
 
     @property
     def name(self) -> str:
         """The rig's name."""
-        return str(self.rig.get("name") or self.summary.get("rig") or self.directory.name)
+        return str(self.rig.get("name") or self.result.rig or self.directory.name)
 
     @property
     def rate_hz(self) -> float:
@@ -116,7 +130,7 @@ class Run:
         """Names of the pairs, in the rig's order."""
         if "scene" in self.rig:
             return []
-        declared = list(block(self.rig, "coupling", "pairs")) or list(block(self.summary, "pairs"))
+        declared = list(block(self.rig, "coupling", "pairs")) or list(self.result.pairs)
         if declared:
             return declared
         ends = {c.split(".")[1] for c in self.columns if c.startswith("master.")}
@@ -143,7 +157,7 @@ class Run:
 
     def elements(self, pair: str) -> list[str]:
         """Controller elements of `pair` with an energy account, from summary and recording."""
-        named = list(block(self.summary, "pairs", pair, "elements"))
+        named = list(self.result_of(pair).elements)
         for column in self.columns:
             parts = column.split(".")
             if len(parts) == 3 and parts[0] == pair and parts[2] == "absorbed":
@@ -165,7 +179,7 @@ def pair_settings(run: Run, pair: str) -> dict[str, Any]:
 
 def kind_of(run: Run, pair: str) -> str:
     """`rotary` or `linear`, from the summary, else the rig's master axis."""
-    kind = block(run.summary, "pairs", pair).get("kind")
+    kind = run.result_of(pair).kind
     return str(kind or block(run.rig, "master", "axes", pair).get("kind") or "linear")
 
 
@@ -205,13 +219,10 @@ def engaged_s(run: Run) -> float | None:
 
 def delay_of(run: Run, pair: str) -> float:
     """Effective one-way delay [s] of `pair`, from the summary, else from the rig."""
-    delay = block(run.summary, "pairs", pair).get("coupling_delay_s")
-    top = run.summary.get("coupling_delay_s")
+    delay = run.result_of(pair).coupling_delay_s
     if delay is None:
-        delay = top.get(pair) if isinstance(top, dict) else top
-    if delay is None:
-        delay = block(run.rig, "coupling").get("delay_s")
-    return number(delay) or 0.0
+        delay = number(block(run.rig, "coupling").get("delay_s"))
+    return delay or 0.0
 
 
 def law_wording(run: Run) -> CouplingMessages:
@@ -224,7 +235,7 @@ def law_wording(run: Run) -> CouplingMessages:
 
 def offset_per_effort(run: Run, pair: str) -> float | None:
     """Offset between master and slave per held effort [rad/(N m) or m/N]."""
-    offset = number(block(run.summary, "pairs", pair).get("offset_per_effort"))
+    offset = run.result_of(pair).offset_per_effort
     if offset is None:
         impedance = number(pair_settings(run, pair).get("wave_impedance"))
         offset = delay_of(run, pair) / impedance if impedance else None

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tautwave.report.run.rundir import Run, block
-from tautwave.report.units import number
+from tautwave.report.run.rundir import Run
 
 _KINDS = {"safety_stop": "safety stop", "fault": "fault"}
 _REASONS = {
@@ -40,12 +39,12 @@ class Stop(NamedTuple):
 
 def stop_of(run: Run) -> Stop | None:
     """Return where a run was stopped, None if it ended normally or by its user."""
-    outcome = block(run.summary, "outcome")
-    kind, at = _KINDS.get(str(outcome.get("kind"))), number(outcome.get("at_s"))
+    outcome = run.result.outcome
+    kind, at = _KINDS.get(outcome.kind), outcome.at_s
     if kind is None or at is None or run.time is None or not len(run.time):
         return None
-    axis = str(outcome.get("axis") or "")
-    phrase = _REASONS.get(str(outcome.get("reason")))
+    axis = outcome.axis or ""
+    phrase = _REASONS.get(outcome.reason or "")
     side, _, pair = axis.partition(".")
     reason = f"{axis} {phrase}" if axis and phrase else ""
     return Stop(min(at, float(run.time[-1])), side, pair, kind, reason)

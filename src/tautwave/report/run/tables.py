@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tautwave.report.claims import kept_claims
-from tautwave.report.run.rundir import Run, block
+from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
 from tautwave.report.run.views import PairView
-from tautwave.report.units import MISSING, count, microseconds, number, quantity
+from tautwave.report.units import MISSING, count, microseconds, quantity
+from tautwave.summary.model import Axis, Size
 
 MOST_CONTACTS = 12
 MOST_ELEMENTS = 40
@@ -53,10 +54,10 @@ def element_table(run: Run) -> Table:
     rows: list[tuple[str, ...]] = []
     several = len(run.pairs) > 1
     for pair in run.pairs:
-        for name, element in block(run.summary, "pairs", pair, "elements").items():
-            account = element if isinstance(element, dict) else {}
+        for name, account in run.result_of(pair).elements.items():
             label = name.replace("_", " ")
-            cells = [quantity(account.get(k), "J") for k in _ACCOUNT]
+            joules = (account.absorbed, account.stored, account.dissipated, account.generated)
+            cells = [quantity(one, "J") for one in joules]
             what = ELEMENT.get(name.partition("_")[0], "")
             rows.append((f"{pair}: {label}" if several else label, what, *cells))
     return Table(
@@ -70,12 +71,9 @@ def element_table(run: Run) -> Table:
     )
 
 
-_ACCOUNT = ("absorbed", "stored", "dissipated", "generated")
-
-
 def books_table(run: Run) -> Table:
     """Totals of both books."""
-    energy = block(run.summary, "energy_j")
+    energy = run.result.energy_j.model_dump(exclude_unset=True)
     named = {
         "gross_flow": "gross flow (sum of all increments, the scale)",
         "residual": "residual of the controller's books",
@@ -88,11 +86,6 @@ def books_table(run: Run) -> Table:
         "plant_residual": "residual of the plant's books (simulation only)",
     }
     rows = [(text, quantity(energy[key], "J")) for key, text in named.items() if key in energy]
-    rows += [
-        (key.replace("_", " "), quantity(value, "J"))
-        for key, value in energy.items()
-        if key not in named and number(value) is not None
-    ]
     return Table("Both books", ("account", "energy"), tuple(rows))
 
 
@@ -107,7 +100,7 @@ def claim_table(run: Run) -> Table:
             "none" if end.blow == 0.0 else quantity(end.blow, "J", 3),
             end.verdict,
         )
-        for end in kept_claims(run.summary)
+        for end in kept_claims(run.result)
     )
     return Table(
         "Ports, against their claims",
@@ -192,22 +185,23 @@ def contact_table(view: PairView) -> list[Table]:
 def tracking_table(run: Run) -> Table:
     """Errors of every pair, as in the summary."""
     rows = []
-    late = any("delayed_error" in block(run.summary, "pairs", pair) for pair in run.pairs)
+    late = any(run.result_of(pair).delayed_error for pair in run.pairs)
     for pair in run.pairs:
-        figures = block(run.summary, "pairs", pair)
+        figures = run.result_of(pair)
         position, effort = units_of(run, pair)
-        behind = block(figures, "delayed_error").get("rms")
+        errors = (figures.position_error, figures.effort_error, figures.delayed_error)
+        moved, pushed, behind = (one or Size() for one in errors)
         rows.append(
             (
                 pair,
-                quantity(block(figures, "position_error").get("rms"), position),
-                quantity(block(figures, "position_error").get("max"), position),
-                *([quantity(behind, position)] if late else []),
-                quantity(block(figures, "effort_error").get("rms"), effort),
-                quantity(block(figures, "effort_error").get("max"), effort),
+                quantity(moved.rms, position),
+                quantity(moved.max, position),
+                *([quantity(behind.rms, position)] if late else []),
+                quantity(pushed.rms, effort),
+                quantity(pushed.max, effort),
                 "–"
-                if figures.get("expected_offset") is None
-                else quantity(figures["expected_offset"], position),
+                if figures.expected_offset is None
+                else quantity(figures.expected_offset, position),
             )
         )
     head = ["pair", "position rms", "position max"]
@@ -225,63 +219,53 @@ def tracking_table(run: Run) -> Table:
 def timing_table(run: Run) -> Table:
     """Percentiles of the loop's times, as in the summary."""
     named = {
-        "period_us": "period, start to start",
-        "lateness_us": "start later than its slot",
-        "compute_us": "compute per cycle",
+        "period, start to start": run.result.period_us,
+        "start later than its slot": run.result.lateness_us,
+        "compute per cycle": run.result.compute_us,
     }
-    at = ("p50", "p99", "p999", "max")
     rows = tuple(
-        (text, *(microseconds(block(run.summary, key).get(p)) for p in at))
-        for key, text in named.items()
+        (text, *(microseconds(one) for one in (found.p50, found.p99, found.p999, found.max)))
+        for text, found in named.items()
     )
     return Table("Times", ("", "p50", "p99", "p99.9", "max"), rows)
 
 
 def loop_table(run: Run) -> Table:
     """Counts of the loop and of the recording."""
-    summary, recording = run.summary, block(run.summary, "recording")
+    summary, recording = run.result, run.result.recording
+    written = run.rows if recording.rows_written is None else recording.rows_written
     rows = [
-        ("cycles", count(summary.get("cycles"))),
-        ("missed cycles", count(summary.get("missed_cycles"))),
-        ("duration", quantity(summary.get("duration_s"), "s")),
-        ("wall time", quantity(summary.get("wall_time_s"), "s")),
-        ("clock", str(summary.get("clock") or MISSING)),
-        ("rows recorded", count(recording.get("rows_written", run.rows))),
-        ("rows dropped", count(recording.get("rows_dropped"))),
+        ("cycles", count(summary.cycles)),
+        ("missed cycles", count(summary.missed_cycles)),
+        ("duration", quantity(summary.duration_s, "s")),
+        ("wall time", quantity(summary.wall_time_s, "s")),
+        ("clock", summary.clock or MISSING),
+        ("rows recorded", count(written)),
+        ("rows dropped", count(recording.rows_dropped)),
     ]
     return Table("Counts", ("", "value"), tuple(rows))
 
 
 def axis_table(run: Run) -> Table:
     """Samples lost and late, and faults, of every axis."""
-    rows = []
-    for axis, counted in block(run.summary, "axes").items():
-        counts = counted if isinstance(counted, dict) else {}
-        rows.append(
-            (
-                axis,
-                count(counts.get("lost")),
-                count(counts.get("late")),
-                _faults(counts.get("faults")),
-            )
-        )
-    return Table("Axes", ("axis", "samples lost", "samples late", "faults"), tuple(rows))
+    rows = tuple(
+        (name, count(axis.lost), count(axis.late), _faults(axis))
+        for name, axis in run.result.axes.items()
+    )
+    return Table("Axes", ("axis", "samples lost", "samples late", "faults"), rows)
 
 
 def watch_table(run: Run) -> Table:
     """What each device does when the host stops, and whether it confirmed to be off."""
     rows = []
-    for bus in block(run.summary, "buses").values():
-        found = bus if isinstance(bus, dict) else {}
-        seconds, unwatched, unconfirmed = (
-            block(found, key) for key in ("watchdog_s", "unwatched", "unconfirmed")
-        )
-        for name in {**seconds, **unwatched, **unconfirmed}:
+    for bus in run.result.buses.values():
+        seconds, unwatched, unconfirmed = bus.watchdog_s, bus.unwatched, bus.unconfirmed
+        for name in dict.fromkeys([*seconds, *unwatched, *unconfirmed]):
             stops = f"stops after {quantity(seconds[name], 's', 3)}" if name in seconds else MISSING
             rows.append(
                 (
                     name,
-                    str(unwatched.get(name, stops)),
+                    unwatched.get(name, stops),
                     f"not confirmed: {unconfirmed[name]}" if name in unconfirmed else "confirmed",
                 )
             )
@@ -290,35 +274,25 @@ def watch_table(run: Run) -> Table:
 
 def way_table(run: Run) -> Table:
     """How each bus was run: hardware, or simulated devices and where they were."""
-    rows = []
-    for name, bus in block(run.summary, "buses").items():
-        way = bus.get("words") if isinstance(bus, dict) else None
-        if way:
-            rows.append((name, str(way)))
-    return Table("Buses", ("bus", "what answered"), tuple(rows))
+    rows = tuple((name, bus.words) for name, bus in run.result.buses.items() if bus.words)
+    return Table("Buses", ("bus", "what answered"), rows)
 
 
 def simulated_by(run: Run) -> str:
     """Return the options of `tautwave run` that simulate the same buses as this run."""
-    return "".join(
-        f" --simulate {name}"
-        for name, bus in block(run.summary, "buses").items()
-        if isinstance(bus, dict) and bus.get("forced")
-    )
+    buses = run.result.buses.items()
+    return "".join(f" --simulate {name}" for name, bus in buses if bus.forced)
 
 
-def _faults(faults: Any) -> str:
-    if faults is None:
+def _faults(axis: Axis) -> str:
+    if "faults" not in axis.model_fields_set:
         return MISSING
-    return "; ".join(str(fault["text"]) for fault in faults) or "none"
+    return "; ".join(fault.text for fault in axis.faults) or "none"
 
 
 def left_out_table(run: Run) -> Table:
     """Elements that this rig does not need and runs without, with the reason."""
-    rows = tuple(
-        (str(entry["element"]), str(entry.get("reason") or "–"))
-        for entry in run.summary.get("left_out") or ()
-    )
+    rows = tuple((one.element, one.reason or "–") for one in run.result.left_out)
     return Table("Unused elements", ("element", "why"), rows)
 
 

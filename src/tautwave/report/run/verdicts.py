@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from tautwave.analysis.rise import NOTHING
 from tautwave.report.calm import unrest
@@ -12,7 +13,6 @@ from tautwave.report.link import link_sentences
 from tautwave.report.run.rundir import (
     Run,
     axis_kind,
-    block,
     delay_of,
     kind_of,
     law_wording,
@@ -27,6 +27,7 @@ from tautwave.report.units import (
     quantity,
     ratio,
 )
+from tautwave.summary.model import Certificate, Certified, Energy, Severity, Size
 
 CLOSED = 1e-9
 """Residual over gross flow up to which the books count as closed."""
@@ -36,28 +37,20 @@ EPSILON = 2.3e-16
 
 
 class Verdict(NamedTuple):
-    """`status` is `ok`, `note`, `bad` or `open` (not evaluated); `sentences` is plain text."""
+    """A judgement on one topic; `sentences` is plain text."""
 
     topic: str
-    status: str
+    status: Severity
     sentences: tuple[str, ...]
 
 
-_STATES: dict[str, str] = {"failed": "not passed"}
-_OUTCOMES = {
-    "finished": ("ok", "finished"),
-    "interrupted": ("note", "interrupted by the user"),
-    "safety_stop": ("bad", "safety stop"),
-    "fault": ("bad", "fault"),
-}
+_STATES: dict[str, str] = {"failed": "not passed", "not evaluated": "not yet evaluated"}
 
 
 def outcome(run: Run) -> Verdict:
     """How the run ended; `topic` is the badge's text."""
-    ended = block(run.summary, "outcome") or {"kind": run.summary.get("outcome")}
-    status, badge = _OUTCOMES.get(str(ended.get("kind")), ("open", "outcome not recorded"))
-    sentence = str(ended.get("sentence") or "")
-    return Verdict(badge, status, (sentence,) if sentence else ())
+    ended = run.result.outcome
+    return Verdict(ended.label, ended.severity, (ended.sentence,) if ended.sentence else ())
 
 
 def verdicts(run: Run) -> list[Verdict]:
@@ -70,15 +63,15 @@ def verdicts(run: Run) -> list[Verdict]:
 
 
 def _books(run: Run) -> Verdict:
-    energy = block(run.summary, "energy_j")
-    gross, residual = number(energy.get("gross_flow")), number(energy.get("residual"))
-    if "residual" in energy and residual is None:
+    energy = run.result.energy_j
+    gross, residual = energy.gross_flow, energy.residual
+    if "residual" in energy.model_fields_set and residual is None:
         return Verdict("Energy books", "bad", ("Not closed: the residual is not a number.",))
     if gross is None or residual is None:
         return Verdict("Energy books", "open", (f"Residual and gross flow: {MISSING}.",))
     sentences = []
     closed = abs(residual) <= books_limit(run, gross)  # NaN is not closed
-    status = "ok" if closed else "bad"
+    status: Severity = "ok" if closed else "bad"
     said = f"{'Closed' if closed else 'Not closed'}: residual {quantity(residual, 'J', 3)}"
     if gross == 0.0:
         sentences.append(f"No energy flowed. {said}.")
@@ -91,7 +84,7 @@ def _books(run: Run) -> Verdict:
     given, exceeded = _given(run, energy)
     sentences += given
     status = "bad" if exceeded else status
-    gap = energy.get("sensing_gap")
+    gap = energy.sensing_gap
     if gap is not None:
         sentences.append(f"Sensing gap (measured against true ports): {quantity(gap, 'J')}.")
     return Verdict("Energy books", status, tuple(sentences))
@@ -104,33 +97,33 @@ def books_limit(run: Run, gross: float) -> float:
     """
     held = 0.0
     for pair in run.pairs:
-        for element in block(run.summary, "pairs", pair, "elements").values():
-            held = max(held, number(block(element).get("held")) or 0.0)
-    cycles = number(run.summary.get("cycles")) or 0.0
+        for element in run.result_of(pair).elements.values():
+            held = max(held, element.held or 0.0)
+    cycles = run.result.cycles or 0
     return max(CLOSED * gross, NOTHING, EPSILON * held * cycles)
 
 
-def _given(run: Run, energy: dict[str, Any]) -> tuple[list[str], bool]:
+def _given(run: Run, energy: Energy) -> tuple[list[str], bool]:
     """What motors and ports gave, and whether it exceeds what was claimed before the run."""
-    net, gross = number(energy.get("motors_net")), number(energy.get("gross_flow")) or 0.0
+    net, gross = energy.motors_net, energy.gross_flow or 0.0
     if net is None:
         return [], False
     sentences, bad = [f"The motors delivered {quantity(net, 'J')} net."], False
     for pair in run.pairs:
-        motors = block(run.summary, "pairs", pair, "motors")
-        if not motors:
+        motors = run.result_of(pair).motors
+        if motors is None:
             continue
         text = (
-            f"{pair}: {quantity(motors.get('worst'), 'J')} at the worst moment, after "
-            f"{quantity(motors.get('worst_at_s'), 's')}"
+            f"{pair}: {quantity(motors.worst, 'J')} at the worst moment, after "
+            f"{quantity(motors.worst_at_s, 's')}"
         )
-        if motors.get("stated_debt") is not None:
-            over = exceeds(motors, gross, blows_of(run.summary, pair))
+        if motors.stated_debt is not None:
+            over = exceeds(motors, gross, blows_of(run.result, pair))
             bad = bad or over
-            text += f", {'more than' if over else 'of'} the {quantity(motors['stated_debt'], 'J')} "
+            text += f", {'more than' if over else 'of'} the {quantity(motors.stated_debt, 'J')} "
             text += "that the ports claimed before the run"
         sentences.append(f"{text}.")
-    ends = list(kept_claims(run.summary))
+    ends = list(kept_claims(run.result))
     if ends:
         broken = any(end.passed is False for end in ends)
         bad = bad or broken
@@ -139,36 +132,36 @@ def _given(run: Run, energy: dict[str, Any]) -> tuple[list[str], bool]:
     return sentences, bad
 
 
-def _generated(run: Run, energy: dict[str, Any]) -> str:
-    total = quantity(energy.get("generated"), "J")
+def _generated(run: Run, energy: Energy) -> str:
+    total = quantity(energy.generated, "J")
     worst, where = 0.0, ""
     for pair in run.pairs:
-        for name, element in block(run.summary, "pairs", pair, "elements").items():
-            amount = number(element.get("generated")) if isinstance(element, dict) else None
-            if amount is not None and amount > worst:
+        for name, element in run.result_of(pair).elements.items():
+            amount = element.generated or 0.0
+            if amount > worst:
                 worst, where = amount, f"{name.replace('_', ' ')} of {pair}"
     return f"{total}, most of it {quantity(worst, 'J')} in {where}" if where else total
 
 
 def expected_offset(run: Run, pair: str) -> float | None:
     """Steady-state offset of the coupling at the held effort [master units], None without one."""
-    return number(block(run.summary, "pairs", pair).get("expected_offset"))
+    return run.result_of(pair).expected_offset
 
 
 def _tracking(run: Run) -> Verdict:
     sentences = []
-    status = "info"
+    status: Severity = "info"
     cause_text = law_wording(run).offset_cause
     for pair in run.pairs:
-        figures = block(run.summary, "pairs", pair)
-        position, effort = axis_units(str(figures.get("kind") or axis_kind(run, "master", pair)))
-        error = block(figures, "position_error")
-        if not error and "operation" in run.summary:
+        figures = run.result_of(pair)
+        position, effort = axis_units(figures.kind or axis_kind(run, "master", pair))
+        if figures.position_error is None and run.result.operation is not None:
             sentences.append(f"{pair}: was never engaged.")
             continue
+        error = figures.position_error or Size()
         text = (
-            f"{pair}: position error {quantity(error.get('rms'), position)} rms, "
-            f"{quantity(error.get('max'), position)} at most"
+            f"{pair}: position error {quantity(error.rms, position)} rms, "
+            f"{quantity(error.max, position)} at most"
         )
         offset = expected_offset(run, pair)
         delay = delay_of(run, pair)
@@ -178,14 +171,14 @@ def _tracking(run: Run) -> Verdict:
                 f"; {cause} causes a steady-state offset of {quantity(offset, position)} at the "
                 "largest held effort"
             )
-        force = block(figures, "effort_error")
-        if force:
+        force = figures.effort_error
+        if force is not None:
             text += (
-                f". Effort error {quantity(force.get('rms'), effort)} rms, "
-                f"{quantity(force.get('max'), effort)} at most"
+                f". Effort error {quantity(force.rms, effort)} rms, "
+                f"{quantity(force.max, effort)} at most"
             )
         sentences.append(text + ".")
-        buzz = unrest(figures.get("fast_share"), pair)
+        buzz = unrest(figures.fast_share, pair)
         if buzz:
             status = "bad"
             sentences.append(buzz)
@@ -193,27 +186,25 @@ def _tracking(run: Run) -> Verdict:
 
 
 def _timing(run: Run) -> Verdict:
-    summary = run.summary
-    cycles, missed = number(summary.get("cycles")), number(summary.get("missed_cycles"))
-    rate, lateness = run.rate_hz, block(summary, "lateness_us")
-    compute = block(summary, "compute_us")
+    summary = run.result
+    cycles, missed = summary.cycles, summary.missed_cycles
+    rate, lateness, compute = run.rate_hz, summary.lateness_us, summary.compute_us
     at = f" at {quantity(rate, 'Hz')}" if math.isfinite(rate) else ""
-    status = "open"
+    status: Severity = "open"
     if cycles and missed is not None:
         status = "ok" if missed == 0 else "note" if missed <= 0.01 * cycles else "bad"
     text = f"Missed {count(missed)} of {count(cycles)} cycles{at}"
     if missed and cycles:
         text += f" ({ratio(100.0 * missed / cycles)} %)"
     sentences = [text + "."]
-    if summary.get("clock") == "fake":
+    if summary.clock == "fake":
         sentences.append("Simulated clock: computation takes no time.")
     sentences.append(
-        f"Lateness p99 {microseconds(lateness.get('p99'))}, "
-        f"at most {microseconds(lateness.get('max'))}; compute p99 "
-        f"{microseconds(compute.get('p99'))}, at most {microseconds(compute.get('max'))}."
+        f"Lateness p99 {microseconds(lateness.p99)}, "
+        f"at most {microseconds(lateness.max)}; compute p99 "
+        f"{microseconds(compute.p99)}, at most {microseconds(compute.max)}."
     )
-    recording = block(summary, "recording")
-    dropped, error = number(recording.get("rows_dropped")), recording.get("error")
+    dropped, error = summary.recording.rows_dropped, summary.recording.error
     if dropped:
         status = "bad" if status == "bad" else "note"
         sentences.append(f"{count(dropped)} rows were dropped because the writer fell behind.")
@@ -224,22 +215,20 @@ def _timing(run: Run) -> Verdict:
 
 
 def _certificate(run: Run) -> Verdict:
-    certificate = block(run.summary, "certificate")
-    passed = certificate.get("passed")
-    after = block(certificate, "after_run")
-    unkept = [str(one) for one in after.get("broken_conditions") or ()]
-    notes = (*unkept, *(after.get("notes") or ()), *filter(None, [after.get("judged")]))
-    lines = (*notes, *_rendered(run), *_slow(run))
+    certificate = run.result.certificate
+    passed, after = certificate.passed, certificate.after_run
+    unkept = after.broken_conditions
+    notes = (*unkept, *after.notes, *filter(None, [after.judged]))
+    lines = (*notes, *_rendered(certificate), *_slow(certificate))
     broken = invalidated(run)
     if broken:
         head = BROKEN if passed is True else "Not passed before the run; and in it:"
-        before = (f"Before the run: {line}" for line in _lines(certificate.get("verdicts")))
+        before = (f"Before the run: {line}" for line in _lines(certificate.verdicts))
         return Verdict("Certificate", "bad", (head, *broken, *lines, *before))
-    lines = (*lines, *_lines(certificate.get("verdicts")))
+    lines = (*lines, *_lines(certificate.verdicts))
     if passed is True:
-        noted = unkept or certificate.get("state") == "conditional"
         head = "Passed, on conditions that this run did not keep." if unkept else "Passed."
-        return Verdict("Certificate", "note" if noted else "ok", (head, *lines))
+        return Verdict("Certificate", certificate.severity, (head, *lines))
     if passed is False:
         return Verdict("Certificate", "bad", ("Not passed.", *lines))
     return Verdict(
@@ -252,93 +241,66 @@ BROKEN = "Passed before the run, but invalidated by what the run measured."
 
 def invalidated(run: Run) -> tuple[str, ...]:
     """Sentences on measurements that break the run's own certificate; empty if none do."""
-    after = block(run.summary, "certificate", "after_run")
-    if not after.get("invalidated"):
-        return ()
-    return tuple(str(sentence) for sentence in after.get("sentences") or ())
+    after = run.result.certificate.after_run
+    return after.sentences if after.invalidated else ()
 
 
 def generated(run: Run) -> bool:
     """Return whether a coupling generated energy in a run that may not."""
-    after = block(run.summary, "certificate", "after_run")
-    judged = block(after, "generated").values()
-    failed = any(block(one).get("passed") is False for one in judged)
-    return failed and bool(after.get("invalidated"))
+    after = run.result.certificate.after_run
+    return after.invalidated and any(one.passed is False for one in after.generated.values())
 
 
 def warnings(run: Run) -> tuple[str, ...]:
     """Return what a person should know of a run beside how it ended."""
-    return tuple(str(one) for one in run.summary.get("warnings") or ())
+    return run.result.warnings
 
 
 def uncertified(run: Run) -> tuple[str, ...]:
     """Why a run without a certificate was allowed; empty for every other run."""
-    certificate = block(run.summary, "certificate")
-    if not certificate.get("allowed_uncertified"):
+    certificate = run.result.certificate
+    if not certificate.allowed_uncertified:
         return ()
-    return tuple(str(sentence) for sentence in certificate.get("sentences") or ("Not certified.",))
+    return certificate.sentences or ("Not certified.",)
 
 
-def _rendered(run: Run) -> list[str]:
+def _rendered(certificate: Certificate) -> list[str]:
     """Derated walls: requested and rendered stiffness."""
-    lines = []
-    for axis, wall in block(run.summary, "certificate", "walls").items():
-        asked, rendered = wall.get("asked_stiffness"), wall.get("rendered_stiffness")
-        if asked != rendered:
-            lines.append(f"Wall of {axis}: K = {asked:.6g} requested, {rendered:.6g} rendered.")
-    return lines
+    return [
+        f"Wall of {axis}: K = {wall.asked_stiffness:.6g} requested, "
+        f"{wall.rendered_stiffness:.6g} rendered."
+        for axis, wall in certificate.walls.items()
+        if wall.derated
+    ]
 
 
-def _slow(run: Run) -> list[str]:
+def _slow(certificate: Certificate) -> list[str]:
     """The cost of buses with a divisor, as the certificate states it."""
-    lines = []
-    for name, element in block(run.summary, "certificate", "elements").items():
-        sentences = element.get("sentences") if isinstance(element, dict) else None
-        if name.startswith("rate converter") and isinstance(sentences, list) and sentences:
-            lines.append(str(sentences[-1]))
-    return lines
+    return [
+        element.sentences[-1]
+        for name, element in certificate.elements.items()
+        if name.startswith("rate converter") and element.sentences
+    ]
 
 
-def _lines(verdicts: Any) -> list[str]:
-    """Verdicts of the certificate as sentences, whatever their form."""
-    if isinstance(verdicts, dict):
-        found = [_ifs(value) for value in verdicts.values() if isinstance(value, dict)]
-        given = [ifs for ifs in found if ifs]
-        if len(given) < 2 or any(ifs != given[0] for ifs in given):
-            return [f"{_named(name)}: {_say(value)}" for name, value in verdicts.items()]
-        # Conditions that several verdicts share are stated once.
-        lines = [f"{_named(name)}: {_say(value, ifs=False)}" for name, value in verdicts.items()]
-        return [*lines, f"Conditional verdicts hold {'; '.join(given[0])}."]
-    if isinstance(verdicts, list):
-        return [_say(value) for value in verdicts]
-    return [str(verdicts)] if verdicts else []
+def _lines(verdicts: Mapping[str, Certified]) -> list[str]:
+    """Verdicts of the certificate as sentences."""
+    given = [ifs for one in verdicts.values() if (ifs := _ifs(one))]
+    if len(given) < 2 or any(ifs != given[0] for ifs in given):
+        return ["; ".join([_say(name, one), *_ifs(one)]) for name, one in verdicts.items()]
+    # Conditions that several verdicts share are stated once.
+    lines = [_say(name, one) for name, one in verdicts.items()]
+    return [*lines, f"Conditional verdicts hold {'; '.join(given[0])}."]
 
 
-def _named(verdict: str) -> str:
-    return verdict.replace("_", " ")
+def _say(name: str, verdict: Certified) -> str:
+    state = _STATES.get(verdict.state, verdict.state)
+    why = f"; {verdict.reason.rstrip('.')}" if verdict.reason else ""
+    return f"{name.replace('_', ' ')}: {state}{why}"
 
 
-def _say(value: Any, *, ifs: bool = True) -> str:
-    if value is None:
-        return "not yet evaluated"
-    if isinstance(value, bool):
-        return "passed" if value else "not passed"
-    if isinstance(value, dict) and {"state", "reason"} <= value.keys():
-        state = str(value["state"])
-        return "; ".join(
-            [
-                _STATES.get(state, state),
-                str(value["reason"]).rstrip("."),
-                *(_ifs(value) if ifs else ()),
-            ]
-        )
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_say(inner)}" for name, inner in value.items())
-    return str(value)
-
-
-def _ifs(value: dict[str, Any]) -> list[str]:
-    return [f"if {condition}" for condition in value.get("conditions") or ()]
+def _ifs(verdict: Certified) -> list[str]:
+    return [f"if {condition}" for condition in verdict.conditions]
 
 
 def units_of(run: Run, pair: str) -> tuple[str, str]:
