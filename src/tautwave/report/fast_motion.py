@@ -13,7 +13,7 @@ from tautwave.report.units import number
 
 def fast_shares(run: Run, pair: str) -> dict[str, float]:
     """Return `fast_share` of both sides of a pair, as measured; no key where none was recorded."""
-    found = {}
+    found: dict[str, float] = {}
     for side in SIDES:
         name = f"{side}.{pair}.position"
         values = run.read(name).get(name)

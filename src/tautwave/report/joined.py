@@ -7,7 +7,7 @@ least round trip; energies do not depend on it but for what is under way in betw
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,10 +16,11 @@ import numpy as np
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.html import file_stem, judged_banners, kept_picture, page, table
 from tautwave.report.run.rebuild import element_books
-from tautwave.report.run.rundir import Run, block, kind_of, pair_settings
+from tautwave.report.run.rundir import Run, kind_of, pair_settings
 from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity, ratio
 from tautwave.summary.markup import Markup
+from tautwave.summary.model import Motors, Session
 
 SIDES = ("master", "slave")
 STEP = 0.05
@@ -48,24 +49,24 @@ def sites_of(runs: tuple[Run, Run]) -> tuple[Run, Run] | None:
     by_side = {run.site: run for run in runs}
     if set(by_side) != set(SIDES):
         return None
-    ids = [{s.get("id") for s in _sessions(run)} for run in runs]
+    ids = [{s.id for s in _sessions(run)} for run in runs]
     return (by_side["master"], by_side["slave"]) if ids[0] & ids[1] else None
 
 
-def _sessions(run: Run) -> list[dict[str, Any]]:
-    found = block(run.summary, "link").get("sessions")
-    return [s for s in found if isinstance(s, dict)] if isinstance(found, list) else []
+def _sessions(run: Run) -> Sequence[Session]:
+    link = run.result.link
+    return () if link is None else link.sessions
 
 
 def common_sessions(master: Run, slave: Run) -> Iterator[Common]:
     """Yield what both sites recorded of each session that both engaged in."""
-    theirs = {s.get("id"): (at, s) for at, s in enumerate(_sessions(slave), 1)}
+    theirs = {s.id: (at, s) for at, s in enumerate(_sessions(slave), 1)}
     for at, mine in enumerate(_sessions(master), 1):
-        other_at, other = theirs.get(mine.get("id"), (0, {}))
-        if "engaged_s" not in mine or "engaged_s" not in other:
+        other_at, other = theirs.get(mine.id, (0, None))
+        if other is None or mine.engaged_s is None or other.engaged_s is None:
             continue
         # Each side sees the other's packets a little late: the mean of both is right.
-        seen = (number(mine.get("slots_ahead")), number(other.get("slots_ahead")))
+        seen = (mine.slots_ahead, other.slots_ahead)
         known = [sign * one for sign, one in zip((1.0, -1.0), seen, strict=True) if one is not None]
         ahead = sum(known) / len(known) if known else 0.0
         doubt = 1.0 + max((abs(one - ahead) for one in known), default=0.0)
@@ -83,14 +84,13 @@ def common_sessions(master: Run, slave: Run) -> Iterator[Common]:
             ends.append(begins[-1] + 1e-6 * read["compute_us"][rows] * run.rate_hz)
             places.append(rows)
         _, one, two = np.intersect1d(slots[0], slots[1], return_indices=True)
-        began = [block(s, "began_at") for s in (mine, other)]
         offset = {
-            pair: float(began[1].get(pair, 0.0)) - _ratio(master, pair) * float(begin)
-            for pair, begin in began[0].items()
-        } | block(other, "offsets")
+            pair: (other.began_at.get(pair) or 0.0) - _ratio(master, pair) * (begin or 0.0)
+            for pair, begin in mine.began_at.items()
+        } | {pair: at or 0.0 for pair, at in other.offsets.items()}
         paired = (places[0][one], places[1][two])
         yield Common(
-            str(mine.get("id")),
+            mine.id,
             paired,
             offset,
             (begins[0], begins[1]),
@@ -102,7 +102,8 @@ def common_sessions(master: Run, slave: Run) -> Iterator[Common]:
 
 def _unknown(run: Run) -> float:
     """Return by how much a site's idea of the other's clock may be off [s]."""
-    return number(block(block(run.summary, "link"), "clocks").get("unknown_s")) or 0.0
+    link = run.result.link
+    return 0.0 if link is None or link.clocks is None else link.clocks.unknown_s or 0.0
 
 
 def _ratio(run: Run, pair: str) -> float:
@@ -142,8 +143,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
             "entered": sum(one["entered"] for one in books),
             "stored": sum(one["stored"] for one in books),
             "dissipated": sum(one["dissipated"] for one in books),
-            "given": _of_motors((master, slave), pair, "worst"),
-            "claimed": _of_motors((master, slave), pair, "stated_debt"),
+            "given": _sum(one.worst for one in _motors((master, slave), pair)),
+            "claimed": _sum(one.stated_debt for one in _motors((master, slave), pair)),
             "residual": sum(one["residual"] for one in books),
             "gross_flow": flow,
             "under_way_least": span or None,
@@ -152,8 +153,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
     return {
         "sessions": [one.session for one in sessions],
         "slots": sum(len(one.rows[0]) for one in sessions),
-        "same_rig": block(master.summary, "link").get("shared")
-        == block(slave.summary, "link").get("shared"),
+        "same_rig": len({run.result.link and run.result.link.shared for run in (master, slave)})
+        == 1,
         "pairs": pairs,
     }
 
@@ -192,13 +193,16 @@ def _books(run: Run, side: str, pair: str) -> dict[str, float]:
     }
 
 
-def _of_motors(runs: tuple[Run, Run], pair: str, key: str) -> float | None:
-    """Return the sum over both sites of what their motors gave at most, or claimed [J]."""
-    found = [
-        number(block(block(block(run.summary, "pairs"), pair), "motors").get(key)) for run in runs
-    ]
+def _motors(runs: tuple[Run, Run], pair: str) -> list[Motors]:
+    """Return what is known of the motors of both sites."""
+    return [run.result_of(pair).motors or Motors() for run in runs]
+
+
+def _sum(values: Iterable[float | None]) -> float | None:
+    """Return the sum, None if one of them is not known."""
+    found = list(values)
     known = [one for one in found if one is not None]
-    return sum(known) if len(known) == len(runs) else None
+    return sum(known) if len(known) == len(found) else None
 
 
 class Away(NamedTuple):
@@ -325,23 +329,22 @@ def session_table(run: Run) -> Table:
     """Return what became of the sessions of one site."""
     rows = []
     for at, session in enumerate(_sessions(run), 1):
-        holds = session.get("silences") or ()
         held = "; ".join(
-            f"{quantity(one.get('at_s'), 's')}: {one.get('why')}"
-            + (f", back after {quantity(one['for_s'], 's')}" if "for_s" in one else "")
-            for one in holds
+            f"{quantity(one.at_s, 's')}: {one.why}"
+            + ("" if one.for_s is None else f", back after {quantity(one.for_s, 's')}")
+            for one in session.silences
         )
-        begun = quantity(session.get("engaged_s"), "s") if "engaged_s" in session else "not engaged"
-        rows.append((str(at), str(session.get("id")), begun, held))
-    link = block(run.summary, "link")
-    notes = [str(link[key]) for key in ("ended", "lost") if link.get(key)]
-    clocks = block(link, "clocks")
-    if clocks:
+        engaged = session.engaged_s
+        begun = "not engaged" if engaged is None else quantity(engaged, "s")
+        rows.append((str(at), session.id, begun, held))
+    link = run.result.link
+    notes = [] if link is None else [one for one in (link.ended, link.lost) if one]
+    if link is not None and link.clocks is not None:
         notes.append(
-            f"clock of the other site: {1e6 * float(clocks['rate']):+.1f} ppm, delays of one way "
-            f"known to +-{quantity(clocks['unknown_s'], 's')} (half the round trips)"
+            f"clock of the other site: {1e6 * (link.clocks.rate or 0.0):+.1f} ppm, delays of one "
+            f"way known to +-{quantity(link.clocks.unknown_s, 's')} (half the round trips)"
         )
-    refused = {why: n for why, n in block(link, "refused").items() if n}
+    refused = {} if link is None else {why: n for why, n in link.refused.items() if n}
     if refused:
         notes.append("refused datagrams: " + ", ".join(f"{n} {why}" for why, n in refused.items()))
     return Table(

@@ -46,7 +46,7 @@ class Kept(NamedTuple):
 def kept_of(run: Run) -> Iterator[Kept]:
     """Yield receivers and networks of all pairs, as far as they are recorded."""
     for pair in run.pairs:
-        reserve = number(block(run.summary, "pairs", pair).get("receiver_j")) or 0.0
+        reserve = run.result_of(pair).receiver_j or 0.0
         names = {f"receiver of {side}.{pair}": f"{pair}.receiver_{side}" for side in SIDES}
         if run.site is None:  # what came to one site is what left the other
             names[f"network of {pair}"] = f"{pair}.network"
@@ -63,7 +63,7 @@ def link_figures(run: Run, pair: str) -> dict[str, dict[str, float]]:
     come for longer than the rig's `silence_s`, `holds` how often. Empty without a network.
     """
     limit = number(block(run.rig, "link").get("silence_s"))
-    found = {}
+    found: dict[str, dict[str, float]] = {}
     for side in SIDES:
         read = run.read(*(f"{side}.{pair}.link_{name}" for name in COLUMNS), "skipped_slots")
         if not all(f"{side}.{pair}.link_{name}" in read for name in ALWAYS):

@@ -33,7 +33,7 @@ def noise_sentences(run: Run) -> Iterator[str]:
     for pair in run.pairs:
         for side in SIDES:
             axis = f"{side}.{pair}"
-            claimed = number(block(run.summary, "pairs", pair, "claim_j").get(side))
+            claimed = run.result_of(pair).claim_j.get(side)
             if claimed is None or f"{axis}.position" not in run.columns:
                 continue
             keys = block(run.rig, side, "axes", pair)

@@ -19,8 +19,7 @@ from tautwave.errors import TautwaveError
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.resampling import distance, resampled
 from tautwave.report.hooks import report_hooks
-from tautwave.report.run.rundir import Run, block, served_rows
-from tautwave.report.units import number
+from tautwave.report.run.rundir import Run, served_rows
 from tautwave.simulation.kernel.pack import Job, pack_rig
 from tautwave.simulation.kernel.schemes import with_positions, with_scheme
 from tautwave.simulation.rows import Simulation as Rows
@@ -70,7 +69,7 @@ def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
         return report_hooks().precision(run, rig)
     if not rig.coupling.pairs or run.rows < 3:
         return {"error": "no coupled pair, or almost no rows, to replay"}
-    taken = (block(run.summary, "buses", bus).get("way") for bus in rig.buses)
+    taken = [bus.way for bus in run.result.buses.values()]
     hardware = rig.simulation is None or "hardware" in taken
     lead = np.inf
     if run.time is not None:
@@ -177,7 +176,7 @@ def _differences(base: Rows, other: Rows | str, position: str, effort: str) -> d
 
 def _equal(run: Run, rows: Rows) -> bool | None:
     """Return whether the replayed rows are the recorded ones to the bit; None on a real clock."""
-    if run.summary.get("clock") != "fake":
+    if run.result.clock != "fake":
         return None
     names = [name for name in rows.columns if name in run.columns and name.startswith("true.")]
     for name, recorded in run.each(names):
@@ -197,10 +196,11 @@ def twin_of(run: Run, rig: Rig) -> Rig:
     """
     buses = {}
     for name, bus in rig.buses.items():
-        delay = block(run.summary, "buses", name, "command_delay")
-        period = rig.period_s * bus.divisor
-        waits = (number(delay.get("periods")) or 0.0) * period
-        waits += number(delay.get("remainder_s")) or 0.0
+        told = run.result.buses.get(name)
+        delay = None if told is None else told.command_delay
+        waits = 0.0
+        if delay is not None:
+            waits = delay.periods * rig.period_s * bus.divisor + delay.remainder_s
         options = {"command_delay_s": waits} if waits > 0.0 else {}
         buses[name] = Bus(driver="loopback", divisor=bus.divisor, options=options)
     return rig.model_copy(update={"buses": buses, "simulation": Simulation()})

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.laws.limit import CLIPPED, RATE_LIMITED, STOPPED
-from tautwave.report.run.rundir import Run, block, engaged_rows
-from tautwave.report.units import count, number, plural
+from tautwave.report.run.rundir import Run, engaged_rows
+from tautwave.report.units import count, plural
 
 Bits = npt.NDArray[np.int64]
 
@@ -22,9 +22,8 @@ WHOLE = re.compile(r"no sample of (\S+) is lost and the host does not stall")
 
 def broken_conditions(run: Run) -> Iterator[str]:
     """Yield the conditions that a run did not keep, each with how often, as sentences."""
-    verdicts = block(run.summary, "certificate", "verdicts").values()
-    found = [one for verdict in verdicts for one in block(verdict).get("conditions") or ()]
-    for condition in dict.fromkeys(str(one) for one in found):
+    verdicts = run.result.certificate.verdicts.values()
+    for condition in dict.fromkeys(one for verdict in verdicts for one in verdict.conditions):
         how = _broken(run, condition)
         if how:
             yield f"The certificate holds if {condition.partition(';')[0]}; {how}."
@@ -39,8 +38,9 @@ def _broken(run: Run, condition: str) -> str:
     elif clip is not None:
         axes, bits = [f"{side}.{clip[1]}" for side in run.sides], CLIPPED
     elif whole is not None:
-        lost = int(number(block(run.summary, "axes", whole[1]).get("lost")) or 0)
-        missed = int(number(run.summary.get("missed_cycles")) or 0)
+        axis = run.result.axes.get(whole[1])
+        lost = 0 if axis is None else axis.lost or 0
+        missed = run.result.missed_cycles or 0
         if lost or missed:
             return f"{plural(lost, 'sample')} of it and {plural(missed, 'cycle')} were lost"
     met, acted = max((met_rows(run, axis, bits) for axis in axes), default=(0, 0))

@@ -106,7 +106,7 @@ def _motion(run: Run) -> Iterator[Part]:
 
 
 def _operation(run: Run) -> Iterator[Part]:
-    if "operation" in run.summary:
+    if run.result.operation is not None:
         yield Markup('<h2 id="operation">Operation</h2>')
         yield table(episode_table(run), "text")
         yield table(journal_table(run), "text")
@@ -136,7 +136,7 @@ def _head(run: Run) -> Iterator[Markup]:
     yield verdict_rows(verdicts(run))
     links = []
     if run.began:
-        links += [("Operation", "operation")] if "operation" in run.summary else []
+        links += [("Operation", "operation")] if run.result.operation else []
         links += [(f"Pair {pair}", anchor(pair)) for pair in run.pairs]
         links += [("Scene", "scene")] if run.ports else []
         links += [("Energy books", "books"), ("Precision", "precision"), ("Timing", "timing")]
@@ -152,17 +152,17 @@ def _head(run: Run) -> Iterator[Markup]:
 
 
 def _subtitle(run: Run) -> str:
-    summary = run.summary
+    summary = run.result
     parts = []
-    started = summary.get("started_utc") or run.metadata.get("started_utc")
+    started = summary.started_utc or run.metadata.get("started_utc")
     if started:
         parts.append(str(started).replace("T", " ").replace("Z", " UTC").replace("+00:00", " UTC"))
-    if summary.get("duration_s") is not None:
-        parts.append(f"{quantity(summary['duration_s'], 's')} recorded")
+    if summary.duration_s is not None:
+        parts.append(f"{quantity(summary.duration_s, 's')} recorded")
     if run.rate_hz == run.rate_hz:
         parts.append(quantity(run.rate_hz, "Hz"))
     parts.append("a scene" if run.ports else plural(len(run.pairs), "pair"))
-    clock = summary.get("clock")
+    clock = summary.clock
     if clock:
         parts.append("simulated clock" if clock == "fake" else f"{clock} clock")
     return " · ".join(parts)
@@ -203,7 +203,7 @@ def _certificate(run: Run) -> Iterator[Part]:
 
 def _timing(run: Run) -> Iterator[Part]:
     yield Markup('<h2 id="timing">Timing</h2>')
-    if run.summary.get("clock") == "fake":
+    if run.result.clock == "fake":
         yield (
             Markup(
                 '<p class="note">This loop ran on the simulated clock: no cycle can be late, '
@@ -219,8 +219,8 @@ def _timing(run: Run) -> Iterator[Part]:
             yield Picture("timing", figure, alt)
     both = (table(tables.timing_table(run)), table(tables.loop_table(run)))
     yield Markup('<div class="columns"><div>{}</div><div>{}</div></div>').format(both[0], both[1])
-    sentences = run.summary.get("realtime")
-    if isinstance(sentences, list) and sentences:
+    sentences = run.result.realtime
+    if sentences:
         yield Markup("<h3>What the machine permitted</h3><ul>")
         yield Markup("<li>{}</li>").each(sentences) + Markup("</ul>")
 
@@ -235,13 +235,11 @@ def _axes(run: Run) -> Iterator[Markup]:
 
 def _buses(run: Run) -> Iterator[Markup]:
     """What each driver found, wrote and read back before enabling."""
-    buses = run.summary.get("buses")
-    for name, found in buses.items() if isinstance(buses, dict) else ():
-        notes = found.get("notes") if isinstance(found, dict) else None
-        if not isinstance(notes, list) or not notes:
+    for name, bus in run.result.buses.items():
+        if not bus.notes:
             continue
         yield Markup("<h3>Bus {}: found and set before enabling</h3><ul>").format(name)
-        yield Markup("<li>{}</li>").each(notes) + Markup("</ul>")
+        yield Markup("<li>{}</li>").each(bus.notes) + Markup("</ul>")
 
 
 def _contents(run: Run) -> Iterator[Markup]:
@@ -255,21 +253,19 @@ def _contents(run: Run) -> Iterator[Markup]:
 
 
 def _reproduce(run: Run) -> Iterator[Markup]:
-    summary = run.summary
+    summary = run.result
     yield Markup('<h2 id="reproduce">Rig and reproduction</h2>')
-    command = summary.get("command") or run.metadata.get("command")
+    command = summary.command or run.metadata.get("command")
     yield Markup("<p>Command of this run:</p>")
     yield Markup("<pre>{}</pre>").format(command or "not recorded")
     yield Markup("<p>The same run from its own resolved rig, and this page again:</p>")
     folder = run.directory.name or str(run.directory)
-    clock = " --clock fake" if summary.get("clock") == "fake" else tables.simulated_by(run)
+    clock = " --clock fake" if summary.clock == "fake" else tables.simulated_by(run)
     yield Markup("<pre>tautwave run {}/rig.yaml{}\ntautwave report {}</pre>").format(
         folder, clock, folder
     )
-    version = summary.get("version") or run.metadata.get("version")
-    versions = [f"tautwave {version}" if version else "version not recorded"]
-    for name, value in (summary.get("versions") or {}).items():
-        versions.append(f"{name} {value}")
-    yield Markup('<p class="soft">{}</p>').format(", ".join(versions))
+    version = summary.version or run.metadata.get("version")
+    said = f"tautwave {version}" if version else "version not recorded"
+    yield Markup('<p class="soft">{}</p>').format(said)
     if run.rig_text:
         yield details("The resolved rig, rig.yaml", run.rig_text)

@@ -11,7 +11,7 @@ from tautwave.errors import TautwaveError
 from tautwave.files import write_bytes, write_text
 from tautwave.report.html import anchor, image, picture, table
 from tautwave.report.run import tables
-from tautwave.report.run.rundir import Run, block
+from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import describe_pair, units_of
 from tautwave.report.run.views import EnergyView, PairView, view_energy, view_pair
 from tautwave.report.units import quantity
@@ -123,12 +123,15 @@ def _overview(run: Run, views: list[PairView]) -> Iterator[Part]:
 
 def _summary(run: Run, pair: str) -> str:
     """One line that summarises a folded section."""
-    figures = block(run.summary, "pairs", pair)
+    figures = run.result_of(pair)
     position, effort = units_of(run, pair)
+    errors = (
+        ("position", figures.position_error, position), ("effort", figures.effort_error, effort),
+    )  # fmt: skip
     parts = [
-        f"{what} error at most {quantity(block(figures, f'{what}_error')['max'], unit)}"
-        for what, unit in (("position", position), ("effort", effort))
-        if block(figures, f"{what}_error").get("max") is not None
+        f"{what} error at most {quantity(error.max, unit)}"
+        for what, error, unit in errors
+        if error is not None and error.max is not None
     ]
     return f"Figures of {pair}" + (f": {', '.join(parts)}" if parts else "")
 

@@ -20,7 +20,7 @@ from tautwave.report.run.scratch import Scratch
 from tautwave.report.units import number
 from tautwave.runtime.operate.states import ENGAGED, STATES
 from tautwave.summary import Summary, summary_of
-from tautwave.summary.model import Pair
+from tautwave.summary.model import Pair, Side
 from tautwave.wording import CouplingMessages
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ WHOLE_CELLS = (
     12_000_000  # up to about 100 MB a recording is held in memory, above it is read by columns
 )
 AT_ONCE = 5  # columns of a long recording held together: 150 MB of an hour at 1 kHz
-SIDES = ("master", "slave")
+SIDES: tuple[Side, Side] = ("master", "slave")
 
 
 @dataclass

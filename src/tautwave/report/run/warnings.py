@@ -54,9 +54,9 @@ def warnings_of(run: Run) -> Iterator[Warned]:
             )
     for pair in run.pairs:
         yield from _apart(run, pair)
-    operation = block(run.summary, "operation")
-    engaged, lasted = number(operation.get("engaged_s")), number(run.summary.get("duration_s"))
-    if operation and engaged is not None and lasted and engaged < ENGAGED_SHARE * lasted:
+    operation, lasted = run.result.operation, run.result.duration_s
+    engaged = None if operation is None else operation.engaged_s
+    if engaged is not None and lasted and engaged < ENGAGED_SHARE * lasted:
         yield Warned(
             "not_engaged",
             f"Engaged for {quantity(engaged, 's', 3)} of {quantity(lasted, 's', 3)}.",
@@ -65,9 +65,9 @@ def warnings_of(run: Run) -> Iterator[Warned]:
 
 def _apart(run: Run, pair: str) -> Iterator[Warned]:
     """Yield a warning of a pair that is further apart than its coupling explains."""
-    figures = block(run.summary, "pairs", pair)
-    error = block(figures, "delayed_error") or block(figures, "position_error")
-    found, offset = number(error.get("rms")), number(figures.get("expected_offset"))
+    figures = run.result_of(pair)
+    error = figures.delayed_error or figures.position_error
+    found, offset = None if error is None else error.rms, figures.expected_offset
     if found is None or offset is None:
         return
     steps = STEPS * encoder_step(run, pair)
