@@ -65,7 +65,13 @@ def child_of(pid: int, word: str) -> int | None:
     return None
 
 
-PATIENT = ("--set", "loop.missing_limit=10000", "--set", "loop.overrun_limit=10000")
+END_STOPS = tuple(f"{side}.axes.lever.mechanical_range=[-2.5, 2.5]" for side in ("master", "slave"))
+"""What an effort that is held through any stall may do: a rig that waits for long needs them."""
+
+PATIENT = (
+    *("--set", "loop.missing_limit=10000", "--set", "loop.overrun_limit=10000"),
+    *(word for key in END_STOPS for word in ("--set", key)),
+)
 """For runs on the real clock: what a busy machine does beside them is not what is tested."""
 
 

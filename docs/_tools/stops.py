@@ -248,7 +248,7 @@ def stops_page() -> str:
     lines = [
         "# What a stopping axis is sent",
         "",
-        "An axis that nobody sees is not driven. This page is made from a table by which the tests "
+        "An axis without samples is not driven. This page is made from a table by which the tests "
         "run every case, and check each",
         'cycle after the last good sample. "Not a number" is what a driver passes on as NaN or '
         "infinite in a sample that it calls valid.",

@@ -100,7 +100,7 @@ def test_a_better_belief_brings_what_was_promised() -> None:
     ],
 )
 def test_the_remedy_of_a_refused_port_passes(changes: tuple[str, ...]) -> None:
-    changes = ("coupling.pairs.lever.pole_slave=0.3", *changes)
+    changes = ("coupling.pairs.lever.pole_slave=0.3", "loop.overrun_limit=4", *changes)
     port = element(certify(rig(*changes, name=NAME)), "slave.lever port")
     assert not port.passive.passed
     said = re.findall(r"(?:set|lower) (\w+) to ([\w.e-]+)", port.passive.reason)

@@ -27,8 +27,8 @@ from tests.commands import PATIENT, child_of, keep_in_one_process, tautwave
 pytestmark = [pytest.mark.realtime, pytest.mark.usefixtures("no_bytecode")]
 
 RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
-STOPPED = "master.axes.lever.velocity_limit=0.05"
-"""A limit that the shipped rig's hand passes at once."""
+STOPPED = "master.axes.lever.position_range=[-0.5,0.01]"
+"""A range that the shipped rig's hand leaves within a second."""
 WALL = "coupling.pairs.lever.wall_slave.stiffness=900"
 """More than can be certified."""
 
@@ -107,7 +107,7 @@ def test_signals_during_the_report_end_the_report_and_not_the_exit_code(tmp_path
         output, errors = run.communicate(timeout=60)
     assert run.returncode == 6
     assert "the report could not be written: interrupted by" in output
-    assert "exceeded its velocity limit" in errors.splitlines()[-1]
+    assert "left its position range" in errors.splitlines()[-1]
     assert "Aborted" not in errors
     assert summary_of(tmp_path / "out")["incomplete"] is None
 
@@ -190,7 +190,7 @@ def test_no_room_for_the_summary_is_exit_code_7_too(
         done = tautwave("run", RIG, *words, "--out", "out", cwd=tmp_path)
     assert done.exit_code == 6
     last = done.stderr.splitlines()[-1]
-    assert "exceeded its velocity limit" in last
+    assert "left its position range" in last
     assert last.endswith("; out/summary.json: cannot be written: File too large")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "recording.mcap", "rig.yaml",
@@ -253,8 +253,8 @@ def test_the_summary_of_a_stop_says_when_on_which_axis_and_why_as_data(
     done = tautwave("run", RIG, *words, cwd=tmp_path)
     assert done.exit_code == 6, done.stderr
     reported = summary_of(tmp_path / "out")["outcome"]
-    assert (reported["kind"], reported["reason"]) == ("safety_stop", "velocity_limit")
-    assert reported["sentence"].startswith(f"{reported['axis']} exceeded its velocity limit")
+    assert (reported["kind"], reported["reason"]) == ("safety_stop", "position_range")
+    assert reported["sentence"].startswith(f"{reported['axis']} left its position range")
     assert f" at {reported['at_s']:.3f} s: " in reported["sentence"]
 
 
@@ -309,7 +309,7 @@ def test_a_recorder_that_is_killed_shows_in_code_and_last_line(
     done = tautwave("run", RIG, *words, *more, cwd=tmp_path)
     assert done.exit_code == code, done.stderr
     last = done.stderr.splitlines()[-1]
-    assert ("exceeded its velocity limit" in last) == (code == 6)
+    assert ("left its position range" in last) == (code == 6)
     assert "the recording is incomplete: the recording's writer was killed by SIGKILL" in last
 
 

@@ -49,7 +49,7 @@ def test_without_recordings_the_laboratorys_law_is_the_measure() -> None:
         assert (ours.share, ours.over_lab) == (1.0, 1.0)
         [score] = best.scores
         assert (score.hand, score.error, score.share) == (hand.name, best.error, best.share)
-        assert score.known == score.lab == lab.error
+        assert score.known == score.lab == ours.error
         assert 0.1 < best.share < 0.7
         assert not best.ended
 

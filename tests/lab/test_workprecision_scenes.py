@@ -14,7 +14,7 @@ from tautwave_scenes.bench.precision import Stage, refined
 from tautwave_scenes.networks.network import String
 from tautwave_scenes.simulation.playing import Played
 from tests.lab.peers import network as peers_network
-from tests.lab.workprecision.scenes import DRUM, GRANULAR, RESONATOR, STRING
+from tests.lab.workprecision.scenes import DRUM, GRANULAR, NET, RESONATOR, STRING
 
 
 def stage_of(scene: scenes.SceneRig, begin_s: float, span_s: float) -> Stage:
@@ -99,7 +99,7 @@ def test_a_string_s_samples_stay_whole_and_its_pitch_the_same() -> None:
 @pytest.mark.slow
 def test_a_scene_in_space_is_run_at_any_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenes, "FINEST_IN_SPACE", 8)
-    stage = stage_of(scenes.NET, 0.1, 0.008)
+    stage = stage_of(NET, 0.1, 0.008)
     oracle = played(stage, "discrete_gradient", 8)
     errors = [stage.error(played(stage, "symplectic", f).places, oracle) for f in (1, 2, 4)]
     assert 0.0 < errors[2] < errors[1] < errors[0] < 0.1

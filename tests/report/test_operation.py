@@ -14,12 +14,12 @@ from tautwave.cli import main
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 DAY = """\
-0.1 episode <b>pick</b> red block\x1b[31m
 0.4 engage
+0.7 episode <b>pick</b> red block\x1b[31m
 1.0 engage
 1.3 episode success
+1.35 episode again
 1.4 hold
-1.5 episode again
 """
 
 
@@ -42,8 +42,8 @@ def operated(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 def test_the_terminal_says_what_people_did(operated: tuple[str, Path]) -> None:
     said = " ".join(operated[0].split())
     assert "Operation engaged 1 time, 798 ms in all" in said
-    assert "episode 1 <b>pick</b>, red block?[31m: success, 100 ms to 1.3 s" in said
-    assert "episode 2 again: not said, 1.5 s to 1.8 s" in said
+    assert "episode 1 <b>pick</b>, red block?[31m: success, 700 ms to 1.3 s" in said
+    assert "episode 2 again: not said, 1.35 s to 1.8 s" in said
     assert "refused 1; the last after 1 s: engage: not possible while engaged" in said
 
 

@@ -58,6 +58,7 @@ def held(name: str, pair: str, reach: float, seconds: float) -> Rig:
     for side in ("master", "slave"):
         for axis in tree[side]["axes"].values():
             axis["position_range"] = [-1e3, 1e3]
+            axis.pop("mechanical_range", None)
     for keys in tree["coupling"]["pairs"].values():
         keys.pop("wall_master", None)
         keys.pop("wall_slave", None)

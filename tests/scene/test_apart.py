@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -138,33 +137,3 @@ def test_commands_refuse_a_scene_with_the_sentence(tmp_path: Path) -> None:
         assert done.returncode == 2
         assert NEEDS in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
-
-
-FOLDERS = (
-    *("allowance", "analysis", "arms", "certificate", "cli", "config", "link", "models"),
-    *("recordings", "report", "rigs", "runtime", "session", "simulation", "sites", "sweep"),
-)
-"""Tests of the core's rooms."""
-
-OF_SCENES = re.compile(r"scene|tissue|tests\.lab|configs/README")
-"""Of these tests some meet a scene: the README of the rigs describes its keys."""
-
-
-def of_the_core(folder: str) -> list[str]:
-    """Return the tests of a folder that name no scene, nor the laboratory, which has some."""
-    files = sorted((ROOT / "tests" / folder).glob("**/test_*.py"))
-    return [str(path) for path in files if not OF_SCENES.search(path.read_text())]
-
-
-@pytest.mark.slow
-@pytest.mark.long
-@pytest.mark.timeout(1200)
-@pytest.mark.parametrize("folder", FOLDERS)
-def test_the_core_passes_its_tests_without_scenes(tmp_path: Path, folder: str) -> None:
-    environment, _ = without_scenes(tmp_path)
-    quiet = ["-q", "-n0", "-p", "no:cacheprovider", "-k", "not scene and not tissue"]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", *quiet, *of_the_core(folder)],
-        env=environment, cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout[-5000:]

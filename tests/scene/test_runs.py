@@ -154,6 +154,7 @@ def test_lost_samples_and_skipped_slots_cost_nothing_of_the_books():
         0.3,
         "simulation.faults.missing_probability=0.05",
         "simulation.faults.overrun_probability=0.01",
+        "loop.missing_limit=40",  # skipped slots count, too
     )
     assert result.error is None
     assert result.missed_cycles > 0

@@ -26,7 +26,7 @@ from tautwave.session.registration import (
     find_server,
     registered,
 )
-from tests.commands import AT_200_HZ, keep_in_one_process, tautwave
+from tests.commands import AT_200_HZ, END_STOPS, keep_in_one_process, tautwave
 
 pytestmark = pytest.mark.realtime
 
@@ -39,7 +39,8 @@ UDP = ("--set", "buses.can.options.interface=udp_multicast",
 
 
 PATIENT = ("--duration", "0.4", "--set", "loop.missing_limit=500",
-           "--set", "loop.overrun_limit=5000")  # fmt: skip
+           "--set", "loop.overrun_limit=5000",
+           *(word for key in END_STOPS for word in ("--set", key)))  # fmt: skip
 """What this machine does beside it is not what is tested."""
 
 

@@ -17,7 +17,10 @@ PROGRAM = """
 import sys, time
 from tautwave import Session, load_rig
 
-rig = load_rig(sys.argv[1], ["operate={}", "loop.overrun_limit=20000", "duration_s=600"])
+ends = [f"{side}.axes.lever.mechanical_range=[-1, 1]" for side in ("master", "slave")]
+rig = load_rig(
+    sys.argv[1], ["operate={}", "loop.overrun_limit=20000", "duration_s=600", *ends]
+)
 with Session(rig, out=sys.argv[2]) as session:
     session.engage()
     assert session.wait_for("engaged", 60.0)

@@ -10,6 +10,7 @@ import pytest
 from tautwave import Session, load_rig
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, RecordingError
+from tests.commands import END_STOPS
 from tests.view.served import Run
 
 pytestmark = pytest.mark.realtime
@@ -20,7 +21,8 @@ QUIET = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0]
 
 
 def bench(*overrides: str) -> Rig:
-    loose = ("rate_hz=100", "loop.overrun_limit=3000", "coupling.pairs.lever.wall_master=null",
+    loose = ("rate_hz=100", "loop.overrun_limit=3000", *END_STOPS,
+             "coupling.pairs.lever.wall_master=null",
              "coupling.pairs.lever.wall_slave=null", "coupling.pairs.lever.wave_filter_hz=auto",
              "coupling.pairs.lever.pole_master=auto", "coupling.pairs.lever.pole_slave=auto",
              "duration_s=60")  # fmt: skip

@@ -21,11 +21,18 @@ from tautwave.sites.certificates import make_authority
 from tautwave.sites.datagrams import open_socket
 from tautwave.sites.seal import Sealer
 from tautwave_sim.network import NetworkOptions, Relay
+from tests.commands import END_STOPS
 from tests.session.programs import COMMAND, RIG, Site
 from tests.sites.test_datagrams import hostile
 
 pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.realtime, pytest.mark.timeout(400)]
-PATIENT = ("loop.overrun_limit=20000", "duration_s=1000", "link.lost_s=60", "sites.wait_s=100")
+PATIENT = (
+    *END_STOPS,
+    "loop.overrun_limit=20000",
+    "duration_s=1000",
+    "link.lost_s=60",
+    "sites.wait_s=100",
+)
 """A loaded machine oversleeps for longer than a rig should allow."""
 
 HELD = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], [0.2, 0.15]]}"

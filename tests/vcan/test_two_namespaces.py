@@ -13,6 +13,7 @@ import pytest
 from tautwave.report.joined import common_sessions
 from tautwave.report.run.loading import load_run
 from tautwave.sites.certificates import make_authority
+from tests.commands import END_STOPS
 from tests.session.programs import RIG, Site
 from tests.vcan.links import change, tool
 
@@ -34,7 +35,7 @@ HEAVY = "{value: 16e-3, lower: 11e-3, source: made up}"
 DAMPED = "{value: 20e-3, lower: 10e-3, source: made up}"
 CHANGES = (
     "rate_hz=250", "duration_s=600", "link.lost_s=100", "link.depth_s=auto",
-    "loop.overrun_limit=500",
+    "loop.overrun_limit=500", *END_STOPS,
     "coupling.pairs.lever.wave_filter_hz=30", "simulation.environment.lever.stiffness=25",
     *(f"{side}.axes.lever.inertia={HEAVY}" for side in ("master", "slave")),
     *(f"{side}.axes.lever.damping={DAMPED}" for side in ("master", "slave")),

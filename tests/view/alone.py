@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from tautwave import read_recording
+from tests.commands import END_STOPS
 from tests.view.browser import Browser
 from tests.view.served import BENCH
 
@@ -26,7 +27,14 @@ RUN = "from tautwave.cli import main; main()"
 PLACES = ", ".join(f"[{0.5 * k}, {0.2 * (k // 2 % 2)}]" for k in range(4, 500))
 MOVING = "simulation.hand.lever.reference={type: minimum_jerk, waypoints: [[0, 0], " + PLACES + "]}"
 NAME = "name=<b onclick=alert(1)>bench</b>"
-CALM = ("operate={}", "loop.overrun_limit=5000", "loop.missing_limit=5000", MOVING, NAME)
+CALM = (
+    "operate={}",
+    *END_STOPS,
+    "loop.overrun_limit=5000",
+    "loop.missing_limit=5000",
+    MOVING,
+    NAME,
+)
 POLES = tuple(f"coupling.pairs.lever.pole_{side}=0.2" for side in ("master", "slave"))
 K = "coupling.pairs.lever.wall_slave.stiffness"
 

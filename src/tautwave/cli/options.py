@@ -44,7 +44,7 @@ class Whole(click.IntRange):
         super().__init__(least, 2**53)
 
     def _describe_range(self) -> str:
-        """Return the range for the help text: nobody asks for its end."""
+        """Return the range for the help text: its end is left out."""
         return f"x>={self.min}"
 
 

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from tautwave.bench.precision.points import Point, Scene
 from tautwave.config import Hand, Rig, load_rig
+from tautwave.errors import ConfigError
 from tautwave.motion import reference_positions
 from tautwave_scenes.networks.network import LINEAR, Network, String
 from tautwave_scenes.networks3d.network import Network3d
@@ -255,6 +256,11 @@ def network_scene(
     stage = Stage(scene)
     oracle = stage.run(schemes_of(stage.network)[0], Fraction(stage.finest))
     assert oracle is not None
+    if not float(np.ptp(oracle.places, axis=0).max()) > 0.0:
+        raise ConfigError(
+            f"{scene.path}: nothing moves from {scene.begin_s:g} s on for {scene.span_s:g} s, so "
+            "there is no error to compare; choose another part with --begin"
+        )
     points = list(scheme_points(stage, oracle, FACTORS[full], rounds))
     points += peers(stage, oracle)
     own = stage.parts.scheme

@@ -5,7 +5,7 @@ and so is the force clipped at a limit: what comes back at a place is no more th
 Two ports that only each other hold have, slowly moved, forces f and -f of their distance s. Clipped
 at one limit L they stay sat(f) and -sat(f), again of s alone: no closed path gives energy.
 
-Any other clip gives, for ever. Hold s where f > L_c, the lesser limit, and move both ports by D:
+Any other clip gives, without end. Hold s where f > L_c, the lesser limit, and move both ports by D:
 one motor gives D min(f, L_a), the other takes D L_c; go back with f = 0: each round has given
 D (min(f, L_a) - L_c). With a ground, weight or a third port the forces are not equal and opposite:
 where port i is clipped and port j is not, moving i changes the force of j, but moving j not that

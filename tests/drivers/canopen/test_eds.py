@@ -190,9 +190,9 @@ def test_listed_values_are_defaults_in_an_eds_and_settings_in_a_dcf(
 WRONG = {
     "decimal comma": (entry("0,5", "0x8"), ":10: .*6065:00 Window has the value '0,5', .*comma"),
     "decimal comma in an integer": (entry("1,5"), ":10: .*a decimal comma"),
-    "no number": (entry("fast"), ":10: 6065:00 Window has the value 'fast', which is no number"),
-    "a fraction": (entry("2000.5"), "which is no number"),
-    "underscores": (entry("2_000"), "which is no number"),
+    "a word": (entry("fast"), ":10: 6065:00 Window has the value 'fast', which is not a number"),
+    "a fraction": (entry("2000.5"), "which is not a number"),
+    "underscores": (entry("2_000"), "which is not a number"),
     "no octal": (entry("0890"), "no octal number, as its leading 0 would make it"),
     "too large": (entry("0x1FFFFFFFF"), r"outside UNSIGNED32 \(0 to 4294967295\)"),
     "too large, signed": (entry("40000", "0x3"), r"outside INTEGER16 \(-32768 to 32767\)"),
@@ -205,10 +205,10 @@ WRONG = {
     "no bytes": (entry("xyz", "0xA"), "not bytes in hexadecimal"),
     "no DataType": (entry("5", "-", name="2100"), "of an object without a DataType"),
     "unknown DataType": (entry("5", "0x0C"), "of the data type 0x000C, whose values are not"),
-    "a wild sum": (entry("1<<99"), "which is no number"),
-    "a call": (entry("__import__('os')"), "which is no number"),
-    "a power": (entry("9**9**9"), "which is no number"),
-    "long": (entry(200 * "1"), "which is no number"),
+    "a wild sum": (entry("1<<99"), "which is not a number"),
+    "a call": (entry("__import__('os')"), "which is not a number"),
+    "a power": (entry("9**9**9"), "which is not a number"),
+    "long": (entry(200 * "1"), "which is not a number"),
     "compact value that is none": (
         COMPACT + "[6099Value]\n1=many\n", "6099:01 Homing speeds has the value 'many'",
     ),
@@ -310,7 +310,7 @@ def test_a_node_id_that_is_none_is_said(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize("key", ["VendorNumber", "ProductNumber", "RevisionNumber"])
 def test_an_identity_that_is_no_number_is_said(tmp_path: Path, key: str) -> None:
     file = read(tmp_path / "a.dcf", dcf(f"[DeviceInfo]\n{key}=zz\n" + entry("777")))
-    said = f"{key.lower()} is 'zz', no number: it was not compared"
+    said = f"{key.lower()} is 'zz', not a number: it was not compared"
     assert any(one.endswith(said) for one in file.remarks)
 
 

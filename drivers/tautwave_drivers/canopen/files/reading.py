@@ -187,7 +187,7 @@ def _read(path: str, mtime_ns: int, size: int) -> DeviceFile:
         one = identity.get(key)
         if one and one.text and integer(one.text) is None:
             remarks.append(
-                f"{path}:{one.line}: {key} is {one.text[:40]!r}, no number: it was not compared"
+                f"{path}:{one.line}: {key} is {one.text[:40]!r}, not a number: it was not compared"
             )
     commissioning = {
         **_fields(sections, "devicecommissioning"),

@@ -36,7 +36,7 @@ _WIDEST = 64
 
 
 class UnreadableError(ValueError):
-    """A value that is no number, or does not fit its type; the message says why."""
+    """A value that is not a number, or does not fit its type; the message says why."""
 
 
 def bare(text: str) -> str:
@@ -60,7 +60,7 @@ def number(text: str, node_id: int | None = None) -> int:
     """
     text = bare(text)
     if not text or len(text) > LONGEST_NUMBER or not text.isascii():
-        raise UnreadableError("no number" if text else "nothing")
+        raise UnreadableError("not a number" if text else "nothing")
 
     def decimal(found: re.Match[str]) -> str:
         token = found[0].lower()
@@ -96,7 +96,7 @@ def _why(text: str) -> str:
         return "a decimal comma"
     if re.fullmatch(r"0\d+", text):
         return "no octal number, as its leading 0 would make it by CiA 306"
-    return "no number"
+    return "not a number"
 
 
 def _sum(node: ast.expr) -> int:
@@ -120,7 +120,7 @@ def _sum(node: ast.expr) -> int:
             return left * right
         if isinstance(node.op, ast.LShift) and 0 <= right < _WIDEST:
             return left << right
-    raise UnreadableError("no number")
+    raise UnreadableError("not a number")
 
 
 def integer(text: str | None, node_id: int | None = None) -> int | None:

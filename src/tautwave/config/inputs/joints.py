@@ -19,7 +19,7 @@ Axes = Mapping[str, Any]
 def order_axes(document: Document) -> None:
     """Put the axes of each side with an arm in the order of its joints, base first.
 
-    An axis is the joint that its `joint` names, or that of its own name. Whoever comes later may
+    An axis is the joint that its `joint` names, or that of its own name. A later one may
     count on the order; before, no order of a file has a meaning, as that of URDF has none.
     """
     for side in ("master", "slave"):

@@ -30,7 +30,7 @@ def broken_conditions(run: Run) -> Iterator[str]:
 
 
 def _broken(run: Run, condition: str) -> str:
-    """Return how often a condition was not kept, as a clause; empty if it was, or nobody knows."""
+    """Return how often a condition was not kept, as a clause; empty if it was, or if unknown."""
     rate, clip, whole = (one.match(condition) for one in (REACHED, ASKED, WHOLE))
     axes, bits = [], 0
     if rate is not None:
