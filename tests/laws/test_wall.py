@@ -9,9 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.laws.limit import LimitParams
+from tautwave.laws.site import SiteParams, render_wall
 from tautwave.laws.wall import (
     WallParams,
     control_wall,
+    hold_wall,
     wall_depth,
     wall_effort,
     wall_loss,
@@ -279,3 +282,39 @@ def test_without_a_reserve_the_same_stalls_take_any_amount() -> None:
             push = control_wall(p, 40.0, energy, FASTEST, 1e-9, T)
             energy -= push * FASTEST * HELD
         assert (-energy > 30.0) if p is bare else (0.0 < -energy <= most)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@given(
+    push=st.floats(0.1, 50.0),
+    reach=st.floats(1e-4, 1.0),
+    drift=st.floats(1e-6, 1e-2),
+    stiffer=st.floats(1.0, 100.0),
+    owed=st.floats(0.0, 2.0),
+)
+def test_a_stiffer_wall_may_owe_no_more_than_the_first_one(
+    side: float, push: float, reach: float, drift: float, stiffer: float, owed: float
+) -> None:
+    reserve = push * (reach + drift * push)
+    p = WallParams(0.0, side, K, 0.0, False, reserve, reach, drift)
+    assert hold_wall(p, side * push, 0.0) == side * push  # what the rig's wall asks for passes
+    held = side * hold_wall(p, side * stiffer * push, -owed * reserve)
+    assert 0.0 <= held <= stiffer * push
+    left = max(0.0, reserve - owed * reserve)
+    assert held * (reach + drift * held) <= left * (1.0 + 1e-9)
+    if stiffer * push * (reach + drift * stiffer * push) > left > 0.0:
+        assert held * (reach + drift * held) == pytest.approx(left, rel=1e-9)
+
+
+def test_a_wall_without_a_limit_of_velocity_is_not_held() -> None:
+    assert hold_wall(wall(), 1e9, -1e9) == 1e9
+
+
+def test_a_site_holds_a_wall_that_was_made_stiffer() -> None:
+    reach, drift, push = 0.1, 0.01, 2.0
+    first = WallParams(0.0, 1.0, 10.0, 0.0, False, push * (reach + drift * push), reach, drift)
+    limit = LimitParams(50.0, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
+    site = SiteParams(T, 0.0, first, limit, 1.0, 0.0, has_wall=True)
+    assert render_wall(site, 0.0, False, 0.2, 0.0, 0.0, 50.0) == 2.0
+    stiffer = site._replace(wall=first._replace(stiffness=30.0))
+    assert render_wall(stiffer, 0.0, False, 0.2, 0.0, 0.0, 50.0) == pytest.approx(push)

@@ -26,7 +26,7 @@ from tautwave.laws.limit import (
     share_effort,
 )
 from tautwave.laws.ramp import NO_STALL, StallParams
-from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort
+from tautwave.laws.wall import WallParams, control_wall, hold_wall, wall_depth, wall_effort
 
 
 class SiteParams(NamedTuple):
@@ -95,8 +95,8 @@ def render_wall(
             bound = share
     wall = clamp(wall_effort(p.wall, depth, velocity), bound)
     if p.wall.controlled or owes:
-        wall = control_wall(p.wall, wall, energy, coast, p.half_mobility, p.period)
-    return wall
+        return control_wall(p.wall, wall, energy, coast, p.half_mobility, p.period)
+    return hold_wall(p.wall, wall, 0.0)
 
 
 def clip_coupling(p: SiteParams, asked: float, ceiling: float, whole: float) -> float:

@@ -63,6 +63,39 @@ def wall_loss(
     return effort * displacement - 0.5 * p.stiffness * (after - before) * (after + before)
 
 
+def hold_wall(p: WallParams, effort: float, energy: float) -> float:
+    """Limit a wall's resisting effort to what a host that stalls may hold it for.
+
+    The greatest F with F (reach + drift F) <= reserve + min(energy, 0): the debt that a stall may
+    leave never exceeds the reserve. The constants of a rig allow for all that its wall asks for;
+    one that was made stiffer since is held at that, and one in debt pushes less.
+
+    Parameters
+    ----------
+    p : WallParams
+        Wall.
+    effort : float
+        Resisting effort of the wall [N m or N].
+    energy : float
+        Energy absorbed since contact began, less what was owed then [J].
+
+    Returns
+    -------
+    float
+        Resisting effort [N m or N], of the same sign and never larger.
+    """
+    push = p.side * effort
+    left = p.reserve
+    if energy < 0.0:
+        left = left + energy
+    if push > 0.0 and push * (p.reach + p.drift * push) > left:
+        if left <= 0.0:
+            return 0.0
+        push = 2.0 * left / (p.reach + math.sqrt(p.reach * p.reach + 4.0 * p.drift * left))
+        return p.side * push
+    return effort
+
+
 def control_wall(
     p: WallParams, effort: float, energy: float, coast: float, half_mobility: float, period: float
 ) -> float:
@@ -73,8 +106,7 @@ def control_wall(
     bound); the greatest F that keeps energy + F T (c - mu F) >= 0 is the positive root.
 
     A host that stalls holds F for longer, and the wall may be in debt after that. It pays before it
-    gives again, and pushes no harder than another stall may cost: the greatest F with
-    F (reach + drift F) <= reserve + min(energy, 0), so that the debt never exceeds the reserve.
+    gives again, and pushes no harder than another stall may cost (`hold_wall`).
 
     Parameters
     ----------
@@ -96,16 +128,9 @@ def control_wall(
     float
         Resisting effort [N m or N], of the same sign and never larger.
     """
+    effort = hold_wall(p, effort, energy)
     push = p.side * effort
     retreat = -p.side * coast
-    left = p.reserve
-    if energy < 0.0:
-        left = left + energy
-    if push > 0.0 and push * (p.reach + p.drift * push) > left:
-        if left <= 0.0:
-            return 0.0
-        push = 2.0 * left / (p.reach + math.sqrt(p.reach * p.reach + 4.0 * p.drift * left))
-        effort = p.side * push
     if push <= 0.0 or energy + push * period * (-retreat - half_mobility * push) >= 0.0:
         return effort
     if energy <= 0.0:

@@ -156,8 +156,13 @@ async def _certify(rig: Rig, changed: Rig, hardware: Sequence[str]) -> None:
 
 
 def _keep_claims(rig: Rig, changed: Rig) -> None:
-    """Refuse a change with which a port would claim more than it did before the run."""
+    """Refuse a change with which a port would claim more than it did before the run.
+
+    What a wall may owe is that of the run's first walls, however stiff they become
+    (`laws.wall.hold_wall`).
+    """
     delays = dict.fromkeys(rig.axes, CommandDelay(0, 0.0))
+    changed = _with_walls_of(rig, changed)
     for name in rig.coupling.pairs:
         before = port_claims(rig, name, delays).get("claim_j", {})
         after = port_claims(changed, name, delays).get("claim_j", {})
@@ -167,3 +172,17 @@ def _keep_claims(rig: Rig, changed: Rig) -> None:
                     f"{side}.{name}: its port would claim {claim:.4g} J, more than the "
                     f"{before[side]:.4g} J stated before the run"
                 )
+
+
+def _with_walls_of(rig: Rig, changed: Rig) -> Rig:
+    """Return a changed rig with the local walls of another."""
+    pairs = {
+        name: pair.model_copy(
+            update={
+                key: getattr(rig.coupling.pairs[name], key) for key in ("wall_master", "wall_slave")
+            }
+        )
+        for name, pair in changed.coupling.pairs.items()
+    }
+    coupling = changed.coupling.model_copy(update={"pairs": pairs})
+    return changed.model_copy(update={"coupling": coupling})

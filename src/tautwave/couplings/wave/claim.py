@@ -60,6 +60,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         known.velocity_limit,
     )
     walled = local_wall(rig, axis_name) is not None
+    debt = wall_params(rig, axis_name, delays[axis_name]).reserve if walled else 0.0
     ramp = ramp_params(known.period, axis.inertia.lower, known.effort_rate)
     return own._replace(
         reserve=reserve,
@@ -67,7 +68,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         feigned=declared_noise(pair, side, known).gained,
         lag=swing_lag(pair, side, known),
         steps=effort_steps(known),
-        owed=wall_params(rig, axis_name, delays[axis_name]).reserve if walled else 0.0,
+        owed=min(debt, own.effort * own.travel),  # a held effort's work ends at the end stops
         ramped=math.inf if walled else ramp_bound(ramp, reserve, known.velocity_limit),
     )
 
