@@ -125,6 +125,17 @@ def test_an_overdrawn_account_lets_nothing_act_until_it_is_paid() -> None:
     assert lighten(s, p, 1.0, INF) == 0.0
 
 
+@pytest.mark.parametrize("ceiling", [1.0, 0.5, 0.05])
+def test_its_share_falls_with_the_ceiling(ceiling: float) -> None:
+    """Else a ramp, or a limit that is tuned, would leave a clipped spring less at this end."""
+    p = axis_of()
+    p = p._replace(site=p.site._replace(limit=p.site.limit._replace(effort=1.0)))
+    s, efforts = moved(p, (0.5 * 900.0 * (PERIOD * np.arange(40)) ** 2).tolist())
+    s.inertia.funds, s.inertia.push = 1.0, 1e4
+    assert abs(efforts[-1]) < p.site.inertia.most
+    assert lighten(s, p, 0.0, ceiling) == pytest.approx(-ceiling * p.site.inertia.most)
+
+
 def lightened(seconds: float) -> Rig:
     return lightened_rig("position", HALF, 1.5e-5, seconds)
 

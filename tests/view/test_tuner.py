@@ -14,6 +14,8 @@ import pytest
 
 from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.errors import ConfigError, NotCertifiedError
+from tautwave.rig import build_rig
+from tautwave.rig.tuning import knobs_of
 from tautwave.runtime.tuning.desk import Desk, last_left, leave
 from tautwave.view import tuner
 from tautwave.view.tuner import asked_of, tune, with_values
@@ -115,6 +117,29 @@ def test_a_limit_of_a_law_that_clips_both_ends_alike_is_certified_anew(
     run: Any = SimpleNamespace(facts={"tuning": facts})
     assert "effort_limit 0.5" in asyncio.run(tune(run, rig, asked))
     assert seen == [0.5, 1.1]
+    desk.close()
+
+
+def test_a_tuned_limit_leaves_the_load_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The knob is the ceiling of wall and coupling; the rig's limit is of the load too."""
+    seen: list[float] = []
+
+    async def certify(rig: Rig, changed: Rig, hardware: Any) -> None:
+        seen.append(changed.slave.axes["lever"].effort_limit)
+
+    monkeypatch.setattr(tuner, "_certify", certify)
+    changes = {"slave.axes.lever.load": {"constant": 0.5}, "simulation.axes": {}}
+    rig = load_rig(LEVERS, [f"{path}={value!r}" for path, value in changes.items()])
+    control = build_rig(rig, clock="fake").control
+    knob = next(one for one in knobs_of(rig, control) if one.path == LIMIT)
+    assert knob.high == knob.value == pytest.approx(1.1 - 0.55)
+    desk = Desk(1)
+    facts = {"hardware": [], "knobs": [{"path": LIMIT}], "desk": desk.address}
+    run: Any = SimpleNamespace(facts={"tuning": facts})
+    asked = tuner.Asked({LIMIT: knob.value}, {LIMIT: knob.value}, {LIMIT: 0.05}, {LIMIT})
+    assert "effort_limit 0.05" in asyncio.run(tune(run, rig, asked))
+    assert seen == [pytest.approx(0.6), 1.1]
+    assert last_left(desk.address, 1) == (0.05,)
     desk.close()
 
 

@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 from tautwave.config import Rig, parse_rig, resolved_yaml
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, NotCertifiedError
-from tautwave.rig import coupling_law
+from tautwave.rig import axis_allowance, coupling_law
+from tautwave.rig.clips import AT_ONCE
 from tautwave.runtime.tuning.desk import last_left, leave
 from tautwave.session.facts import port_claims
 from tautwave.session.operating import scales_of
-from tautwave.types import CommandDelay
 from tautwave.view.watched import Watched
 
 TIMEOUT_S = 120.0
@@ -108,10 +108,16 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
 def _certified(rig: Rig, values: Mapping[str, float]) -> dict[str, float]:
     """Leave out effort limits, below that of the rig its certificate holds as it is.
 
-    Not so where both ends of a pair are clipped alike: how far depends on both limits.
+    Not so where both ends of a pair are clipped alike: how far depends on both limits. What is
+    tuned is the ceiling of wall and coupling; a rig's limit is of its load too.
     """
     kept = rig.scene is None and coupling_law(rig).alike
-    return {path: value for path, value in values.items() if kept or not _is_limit(path)}
+    found = {path: value for path, value in values.items() if kept or not _is_limit(path)}
+    for path in filter(_is_limit, found):
+        side, _, name, _ = path.split(".")
+        has = axis_allowance(rig, f"{side}.{name}", AT_ONCE)
+        found[path] = min(found[path] + has.load_effort, has.effort)
+    return found
 
 
 def _is_limit(path: str) -> bool:
@@ -161,7 +167,7 @@ def _keep_claims(rig: Rig, changed: Rig) -> None:
     What a wall may owe is that of the run's first walls, however stiff they become
     (`laws.wall.hold_wall`).
     """
-    delays = dict.fromkeys(rig.axes, CommandDelay(0, 0.0))
+    delays = dict.fromkeys(rig.axes, AT_ONCE)
     changed = _with_walls_of(rig, changed)
     for name in rig.coupling.pairs:
         before = port_claims(rig, name, delays).get("claim_j", {})
