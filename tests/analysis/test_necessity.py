@@ -11,13 +11,9 @@ from hypothesis import strategies as st
 
 from tautwave.analysis.exact.positive_real import positive_real
 from tautwave.analysis.exact.rational import Delayed, Rational, Sampled, rational
-from tautwave.analysis.ports.necessity import (
-    Controller,
-    User,
-    destabilising_hand,
-    verified_unstable,
-)
+from tautwave.analysis.ports.necessity import Controller, User, destabilising_hand
 from tautwave.errors import ConfigError
+from tests.analysis.reference.delay_loops import verified_unstable
 from tests.analysis.reference.resonator import sampled_controller
 from tests.lab.papers.necessity_motion import simulate_hand
 from tests.lab.papers.resonator_loop import controller_impedance, delayed_controller

@@ -14,7 +14,6 @@ from tautwave.analysis.exact.positive_real import positive_real
 from tautwave.analysis.exact.rational import rational
 from tautwave.analysis.ports.sampled_loop import Device
 from tautwave.analysis.walls.passivity import wall_leak
-from tautwave.analysis.walls.rules import bounce_gain
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.analysis.walls.stability import stable_stiffness, wall_mode
 from tautwave.laws.limit import truncate
@@ -32,6 +31,7 @@ from tests.analysis.reference.conversion import (
     truncate_wave,
 )
 from tests.analysis.reference.resonator import cordis_stable
+from tests.analysis.reference.wall_rules import bounce_gain
 from tests.lab.papers.resonator_loop import (
     RESONATOR,
     Oscillator,

@@ -9,11 +9,11 @@ import pytest
 from scipy import signal
 
 from tautwave.analysis.exact.axis import passivity_margin
-from tautwave.analysis.exact.delay_roots import unstable_count
 from tautwave.analysis.exact.positive_real import positive_real
 from tautwave.analysis.exact.rational import Delayed, rational
 from tautwave.errors import ConfigError
 from tests.analysis.reference.bilinear import angle_of, bilinear
+from tests.analysis.reference.delay_loops import unstable_count
 from tests.analysis.reference.gains import unconditionally_stable
 from tests.analysis.reference.passivity_scan import scan_passivity
 from tests.analysis.reference.resonator import rendered_hz, sampled_loop

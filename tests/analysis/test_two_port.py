@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from tautwave.analysis.exact.delay_roots import DelayLoop, unstable_count
+from tautwave.analysis.exact.delay_roots import DelayLoop
 from tautwave.analysis.exact.polynomials import Poly, add, multiply, scale
 from tautwave.analysis.ports.two_port import (
     Ends,
@@ -16,6 +16,7 @@ from tautwave.analysis.ports.two_port import (
     llewellyn,
 )
 from tests.analysis.reference.absolute import absolute_stability, refined_minimum
+from tests.analysis.reference.delay_loops import unstable_count
 from tests.analysis.reference.hybrids import (
     Channels,
     Rig,

@@ -19,7 +19,6 @@ from tautwave.analysis.walls.messages import (
 )
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.rules import (
-    bounce_gain,
     quantised_stiffness,
     quantum_activity,
     quantum_force,
@@ -35,6 +34,7 @@ from tests.analysis.reference.wall_rules import (
     adversarial_energy,
     adversarial_positions,
     best_stroke,
+    bounce_gain,
     damper_step,
     friction_region,
     penetration_leak,

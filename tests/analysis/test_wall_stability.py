@@ -10,7 +10,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tautwave.analysis.ports.sampled_loop import Device
-from tautwave.analysis.walls.rules import linear_rule
 from tautwave.analysis.walls.sampled import SampledWall, split_delay, velocity_gain
 from tautwave.analysis.walls.stability import (
     held_device,
@@ -22,6 +21,7 @@ from tautwave.errors import ConfigError
 from tautwave.laws.wall import WallParams, wall_effort
 from tautwave.models.hand import PAPER_HAND
 from tautwave.models.plant import PlantParams, plant_cache, plant_step
+from tests.analysis.reference.wall_rules import linear_rule
 
 T = 1e-3
 

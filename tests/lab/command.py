@@ -6,6 +6,7 @@ What a user measures on their own machine is `tautwave bench`.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,7 @@ import click
 
 from tautwave.bench.result import Suite
 from tautwave.cli.group import Commands
-from tautwave.cli.options import (
-    Number,
-    jobs_option,
-    json_option,
-    keep_option,
-    out_option,
-    positive,
-    recordings_option,
-)
+from tautwave.cli.options import Number, jobs_option, json_option, keep_option, out_option, positive
 from tautwave.cli.terminal.measured import print_suites
 
 
@@ -35,6 +28,15 @@ class Laboratory(Commands):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command of this module."""
         return self.commands.get(cmd_name)
+
+
+def recordings_option(what: str) -> Callable[..., Any]:
+    """Return the option of a folder of recorded hands; `what` they are for."""
+    return click.option(
+        "--recordings",
+        type=click.Path(file_okay=False, exists=True, path_type=Path),
+        help=f"Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap{what}",
+    )
 
 
 @click.group(cls=Laboratory)

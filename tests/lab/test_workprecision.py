@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 from tautwave.bench.precision.figure import energy_figure, error_figure
-from tautwave.bench.precision.points import Point, Scene, cheapest, cpu_time, pareto
+from tautwave.bench.precision.points import Point, Scene, pareto
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams
 from tautwave.models.integrators.schemes import DISCRETE_GRADIENT, EXACT, RK4
@@ -24,6 +24,7 @@ from tautwave.models.plant_params import FlowCache, PlantCache, PlantParams, pla
 from tests.lab.command import lab
 from tests.lab.peers import mujoco as peers_mujoco
 from tests.lab.peers import scipy_control as peers
+from tests.lab.timing import cheapest, cpu_time
 from tests.lab.workprecision import contact, runs
 from tests.lab.workprecision import linear as workprecision_linear
 

@@ -6,14 +6,13 @@ Setting the tables up is not part of the figures.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from tautwave.bench.chunks import Cost, Work, costs
 from tautwave.bench.compiled import NO_NUMBA, has_numba
 from tautwave.bench.result import Table, Value
 from tautwave.bench.rigs import BenchRig
-from tautwave.config import Rig
 
 STATE = ("outcomes", "axes", "samples", "bodies", "states", "table")
 """Tables that a run changes and that are put back before the next."""
@@ -51,25 +50,12 @@ def _measure(
     from tautwave.simulation.kernel.tables import record_tables
 
     job = pack_rig(rig.load(), seconds)
-    works = {rig.name: _work(kernel or compiled_kernel(job.law), record_tables(job))}
+    works = {rig.name: run_work(kernel or compiled_kernel(job.law), record_tables(job))}
     return job.run.cycles, costs(works, rounds)[rig.name]
 
 
-def step_costs(rigs: Mapping[str, Rig], rounds: int) -> dict[str, float]:
-    """Return the median CPU time of a compiled step of each rig [ns], measured in turn."""
-    from tautwave.simulation.kernel.compiled import compiled_kernel
-    from tautwave.simulation.kernel.pack import pack_rig
-    from tautwave.simulation.kernel.tables import record_tables
-
-    jobs = {name: pack_rig(rig, None) for name, rig in rigs.items()}
-    works = {
-        name: _work(compiled_kernel(job.law), record_tables(job)) for name, job in jobs.items()
-    }
-    taken = costs(works, rounds)
-    return {name: taken[name].median_ns / job.run.cycles for name, job in jobs.items()}
-
-
-def _work(kernel: Kernel, tables: Any) -> Work:
+def run_work(kernel: Kernel, tables: Any) -> Work:
+    """Return the work of running a kernel anew on its tables; putting them back is not counted."""
     fresh = {name: getattr(tables, name).copy() for name in STATE}
 
     def work(n: int) -> float:

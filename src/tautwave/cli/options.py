@@ -78,15 +78,6 @@ def refuse_other(path: Path, *wanted: str) -> None:
         raise ConfigError(sentence)
 
 
-def recordings_option(what: str) -> Callable[..., Any]:
-    """Return the option of a folder of recorded hands; `what` they are for."""
-    return click.option(
-        "--recordings",
-        type=click.Path(file_okay=False, exists=True, path_type=Path),
-        help=f"Folder of recorded hands, SET_<free|foam|spring|rigid>.csv, .mat or .mcap{what}",
-    )
-
-
 run_argument = click.argument("directory", type=PATH, metavar="DIR", callback=of_kind(RUN))
 rig_argument = click.argument("rig", type=PATH)
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 
-from tautwave.analysis.exact.axis import (
-    PassivityMargin,
-    _changes,
-    _degrees,
-    axis_grid,
-    bisect,
-    golden,
-)
+from tautwave.analysis.exact.axis import Floats, PassivityMargin, _changes, _degrees, axis_grid
 from tautwave.analysis.exact.positive_real import (
     Band,
 )
@@ -56,3 +52,34 @@ def scan_passivity(k: Response, low: float, high: float) -> PassivityMargin:
     phase = 180.0 if crossing else _degrees(k(1j * frequency))
     where = golden(lambda x: k(1j * x).real, w, int(np.argmin(values.real)))
     return PassivityMargin(90.0 - abs(phase), frequency, phase, negative, k(1j * where).real, where)
+
+
+def golden(f: Callable[[float], float], w: Floats, at: int) -> float:
+    """Return where f is least near w[at], by golden section between its neighbours."""
+    low, high = float(w[max(at - 1, 0)]), float(w[min(at + 1, len(w) - 1)])
+    ratio = (math.sqrt(5.0) - 1.0) / 2.0
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    fa, fb = f(a), f(b)
+    for _ in range(60):
+        if fa < fb:
+            high, b, fb = b, a, fa
+            a = high - ratio * (high - low)
+            fa = f(a)
+        else:
+            low, a, fa = a, b, fb
+            b = low + ratio * (high - low)
+            fb = f(b)
+    best = 0.5 * (low + high)
+    return best if f(best) <= f(float(w[at])) else float(w[at])
+
+
+def bisect(f: Callable[[float], float], low: float, high: float) -> float:
+    """Return where f changes sign between low and high."""
+    below = f(low) < 0.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        if (f(middle) < 0.0) == below:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

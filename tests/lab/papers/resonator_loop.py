@@ -19,12 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.analysis.exact import polynomials as poly
-from tautwave.analysis.exact.delay_roots import (
-    CriticalGain,
-    DelayLoop,
-    critical_gains,
-    rightmost_roots,
-)
+from tautwave.analysis.exact.delay_roots import DelayLoop, rightmost_roots
 from tautwave.analysis.exact.polynomials import Number, Poly, exact
 from tautwave.analysis.exact.rational import Complexes, Delayed, Rational
 from tautwave_scenes.certificate.impedance import (
@@ -36,6 +31,7 @@ from tautwave_scenes.certificate.impedance import (
     admittance,
     impedance,
 )
+from tests.analysis.reference.delay_loops import CriticalGain, critical_gains
 
 Floats = npt.NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from tautwave import canvas
 from tautwave.analysis.exact.bounds import reduce_fraction
 from tautwave.analysis.ports.sampled_loop import Device
 from tautwave.analysis.walls.passivity import leak_form, wall_leak
-from tautwave.analysis.walls.rules import bounce_gain, linear_rule
 from tautwave.analysis.walls.sampled import SampledWall, wall_transfer
 from tautwave.analysis.walls.stability import stable_stiffness, wall_mode
 from tautwave.canvas import heading, legend
+from tests.analysis.reference.wall_rules import bounce_gain, linear_rule
 from tests.lab.papers import Chapter, Row, relative
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tautwave.bench.precision.points import Point, cpu_time
+from tautwave.bench.precision.points import Point
 from tautwave.bench.precision.rigs import RigScene, rig_errors
 from tautwave.models.integrators.schemes import EXACT
 from tautwave.models.plant_params import PlantParams
@@ -25,6 +25,7 @@ from tautwave.simulation.kernel.schemes import with_scheme
 from tests.lab.peers.scipy_control import missing
 from tests.lab.plain.scene import Plain
 from tests.lab.plain.truth import Move, plain_error, plain_loop, plain_plants
+from tests.lab.timing import cpu_time
 from tests.lab.workprecision import linear as resonator
 from tests.lab.workprecision.contact import Array, ContactScene
 

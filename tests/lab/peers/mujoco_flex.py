@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from tautwave.bench.precision.points import Point, cpu_time
+from tautwave.bench.precision.points import Point
 from tautwave_scenes.models.tissue.mesh import Mesh, on_faces
 from tautwave_scenes.networks3d.tissue import tissue_of
 from tests.lab.peers.mujoco import fine, ignore
 from tests.lab.peers.scipy_control import missing
+from tests.lab.timing import cpu_time
 from tests.lab.workprecision.tissue import CLAMPED, NAME, SOFT, SPAN_S, Array, Flexed, speed_at
 
 INTEGRATORS = ("Euler", "RK4", "discrete")

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from tautwave.bench.precision.points import Point, cpu_time
+from tautwave.bench.precision.points import Point
+from tests.lab.timing import cpu_time
 from tests.lab.workprecision import linear as resonator
 from tests.lab.workprecision.contact import Array, ContactScene
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from tautwave.bench.chunks import costs
 from tautwave.bench.compiled import NO_NUMBA, has_numba
 from tautwave.bench.live.think import PARTS, SiteCase, part_costs
 from tautwave.bench.result import Goal, Table, Value
-from tautwave.bench.simulated import step_costs
+from tautwave.bench.simulated import run_work
+from tautwave.config import Rig
 from tautwave.rig import command_delays, coupling_law, end_constants, site_params
+from tautwave.simulation.kernel.pack import pack_rig
+from tautwave.simulation.kernel.tables import record_tables
 from tests.lab.port.hold import HELD
 from tests.lab.port.rigs import CONTACTS, bench_rig
 
@@ -71,3 +75,15 @@ def port_costs(rounds: int, tell: Callable[[str], None]) -> tuple[Table, list[Go
             why_not="" if kernel is not None else NO_NUMBA,
         ),
     ]
+
+
+def step_costs(rigs: Mapping[str, Rig], rounds: int) -> dict[str, float]:
+    """Return the median CPU time of a compiled step of each rig [ns], measured in turn."""
+    from tautwave.simulation.kernel.compiled import compiled_kernel
+
+    jobs = {name: pack_rig(rig, None) for name, rig in rigs.items()}
+    works = {
+        name: run_work(compiled_kernel(job.law), record_tables(job)) for name, job in jobs.items()
+    }
+    taken = costs(works, rounds)
+    return {name: taken[name].median_ns / job.run.cycles for name, job in jobs.items()}

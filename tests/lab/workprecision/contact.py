@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.bench.precision.points import Point, Scene, cpu_time
+from tautwave.bench.precision.points import Point, Scene
 from tautwave.models.foam import FoamParams
 from tautwave.models.integrators.choice import Choice, choose_scheme
 from tautwave.models.integrators.schemes import DORMAND_PRINCE, EXACT, SCHEMES
 from tautwave.models.plant_params import PlantCache, PlantParams, plant_cache
+from tests.lab.timing import cpu_time
 from tests.lab.workprecision import runs
 
 Array = npt.NDArray[np.float64]

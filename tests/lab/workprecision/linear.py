@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.bench.precision.points import Point, Scene, cpu_time
+from tautwave.bench.precision.points import Point, Scene
+from tests.lab.timing import cpu_time
 from tests.lab.workprecision import runs
 from tests.lab.workprecision.contact import compiled
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.bench.precision.points import Point, Scene, cheapest, cpu_time
+from tautwave.bench.precision.points import Point, Scene
 from tautwave.bench.precision.rigs import WAVE_WALL, RigScene
 from tautwave.bench.result import Goal, Table, Value
 from tautwave.models.integrators.schemes import DORMAND_PRINCE
@@ -24,6 +24,7 @@ from tests.lab.peers import mujoco as peers_mujoco
 from tests.lab.plain.lanes import as_records, compiled_plain, plain_aims
 from tests.lab.plain.scene import DELAY, plain_set
 from tests.lab.plain.truth import plain_error, plain_truth
+from tests.lab.timing import cheapest, cpu_time
 from tests.lab.workprecision.contact import compiled, records
 
 NAME = "wave-plain"

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from tautwave.bench.compiled import NO_NUMBA, has_numba
-from tautwave.bench.precision.points import Point, Scene, cheapest
+from tautwave.bench.precision.points import Point, Scene
 from tautwave.bench.precision.rigs import (
     ORACLE,
     WAVE_FOAM,
@@ -28,6 +28,7 @@ from tautwave.simulation.kernel.schemes import with_scheme
 from tests.lab.peers import mujoco as peers_mujoco
 from tests.lab.peers import scipy_control as peers
 from tests.lab.peers.mujoco_flex import flex_points
+from tests.lab.timing import cheapest
 from tests.lab.workprecision import plain as workprecision_plain
 from tests.lab.workprecision.contact import HERTZ, WALL, contact_scene
 from tests.lab.workprecision.linear import linear_scene

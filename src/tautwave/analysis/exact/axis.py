@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -214,34 +213,3 @@ def _lag(k: Response) -> float:
 
 def _changes(sign: npt.NDArray[np.bool_]) -> list[int]:
     return [int(i) for i in np.flatnonzero(sign[1:] != sign[:-1])]
-
-
-def bisect(f: Callable[[float], float], low: float, high: float) -> float:
-    """Return where f changes sign between low and high."""
-    below = f(low) < 0.0
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        if (f(middle) < 0.0) == below:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
-
-
-def golden(f: Callable[[float], float], w: Floats, at: int) -> float:
-    """Return where f is least near w[at], by golden section between its neighbours."""
-    low, high = float(w[max(at - 1, 0)]), float(w[min(at + 1, len(w) - 1)])
-    ratio = (math.sqrt(5.0) - 1.0) / 2.0
-    a, b = high - ratio * (high - low), low + ratio * (high - low)
-    fa, fb = f(a), f(b)
-    for _ in range(60):
-        if fa < fb:
-            high, b, fb = b, a, fa
-            a = high - ratio * (high - low)
-            fa = f(a)
-        else:
-            low, a, fa = a, b, fb
-            b = low + ratio * (high - low)
-            fb = f(b)
-    best = 0.5 * (low + high)
-    return best if f(best) <= f(float(w[at])) else float(w[at])

@@ -28,12 +28,7 @@ import numpy as np
 
 from tautwave.analysis.exact import polynomials as poly
 from tautwave.analysis.exact.axis import axis_grid, passivity_margin
-from tautwave.analysis.exact.delay_roots import (
-    closed_loop,
-    refine_root,
-    rightmost_roots,
-    unstable_count,
-)
+from tautwave.analysis.exact.delay_roots import closed_loop, refine_root, rightmost_roots
 from tautwave.analysis.exact.polynomials import exact
 from tautwave.analysis.exact.positive_real import (
     axis_poles,
@@ -181,17 +176,6 @@ def growing_root(controller: Controller, user: User, guess: complex) -> complex 
 def _fastest(roots: list[complex]) -> complex | None:
     known = [s for s in roots if cmath.isfinite(s)]
     return max(known, key=lambda s: s.real) if known else None
-
-
-def verified_unstable(example: Counterexample, controller: Controller) -> bool:
-    """Return whether the loop has a growing root, found again without the construction's guess."""
-    total = example.total
-    if isinstance(controller, Sampled):
-        return growing_root(controller, total, example.root) is not None
-    loop = closed_loop(controller, total.impedance())
-    if isinstance(controller, Rational):
-        return poly.half_planes(poly.add(loop.now, loop.late)).right > 0
-    return unstable_count(loop) > 0
 
 
 # -- where to put the hand -----------------------------------------------------------------------

@@ -1,9 +1,7 @@
-"""Published rules for sampled walls: delay, quantisation, friction, leaks; each with its limits.
+"""Published rules for sampled walls that are read in steps of an encoder; each with its limits.
 
-Sources: Gil, Sanchez, Hulin, Preusche & Hirzinger, ASME JCISE 9(1) 011005, 2009; Abbott &
-Okamura, "Effects of position quantization and sampling rate on virtual-wall passivity", IEEE
-Trans. Robotics 21(5) 952, 2005; Diolaiti, Niemeyer, Barbagli & Salisbury, "Stability of haptic
-rendering", IEEE Trans. Robotics 22(2) 256, 2006. Energies per motion are derived here.
+Source: Abbott & Okamura, "Effects of position quantization and sampling rate on virtual-wall
+passivity", IEEE Trans. Robotics 21(5) 952, 2005. Energies per motion are derived here.
 """
 
 from __future__ import annotations
@@ -12,19 +10,6 @@ import math
 
 from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.analysis.walls.sampled import SampledWall, velocity_gain
-
-
-def linear_rule(wall: SampledWall, damping: float) -> float:
-    """Return Gil's stable K = (b + B) / (T / 2 + delay) [N/m or N m/rad]; a hint only.
-
-    Within 5 % of the exact limit while (b + B) T / m <= 0.05 and the delay is short; use
-    `tautwave.analysis.walls.stability.stable_stiffness` to decide. `damping` is the device's
-    with the hand's [N s/m or N m s/rad].
-    """
-    return (damping + wall.damping) / (wall.period * (0.5 + wall.delay))
-
-
-# -- quantisation ---------------------------------------------------------------------------------
 
 
 def quantised_stiffness(damping: float, coulomb: float, period: float, quantum: float) -> float:
@@ -71,19 +56,3 @@ def quantum_activity(
     if damping <= needed:
         return math.inf
     return wall.period * surplus * surplus / (2.0 * (damping - needed))
-
-
-# -- friction and speed ---------------------------------------------------------------------------
-
-
-# -- leaks and cures ------------------------------------------------------------------------------
-
-
-def bounce_gain(wall: SampledWall, mass: float, damping: float = 0.0) -> float:
-    """Return energy out per energy in of one penetration [1].
-
-    exp(pi (K (T / 2 + delay) - b - B) / sqrt(K m)): the hold is a negative damper.
-    First order in the period over the time in contact; the mean over the sampling phase.
-    """
-    held = wall.stiffness * wall.period * (0.5 + wall.delay)
-    return math.exp(math.pi * (held - damping - wall.damping) / math.sqrt(wall.stiffness * mass))
