@@ -16,11 +16,11 @@ from typing import Any
 
 import pytest
 
-from tautwave.cli.terminal.summary import last_line
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.session import running
 from tautwave.session.reporting import final_code, lost_rows
 from tautwave.summary import Summary
+from tautwave.summary.ending import last_line
 from tautwave.summary.model import AfterRun, Certificate, Outcome, Recording
 from tests.commands import PATIENT, child_of, keep_in_one_process, tautwave
 

@@ -20,6 +20,7 @@ from tautwave.errors import ConfigError, DriverError
 from tautwave.recordings.recording import read_recording
 from tautwave.runtime.operate import trigger
 from tautwave.runtime.operate.trigger import TriggerLine
+from tautwave.session.running import RunResult
 from tautwave.session.trials import running
 from tautwave.session.trials.protocol import Trial, read_protocol, trials_of
 from tautwave.session.trials.running import FIRST, TrialSource, _free
@@ -139,6 +140,39 @@ def test_a_study_goes_on_only_by_its_own_protocol_and_table(tmp_path: Path) -> N
 def test_a_trial_orders_nothing_before_it_sees_its_rig(tmp_path: Path) -> None:
     protocol = read_protocol(study(tmp_path))
     assert list(TrialSource(trials_of(protocol, "P1")[0], "reach", 0.4).take(0)) == []
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (3, "trial 1: coupling of lever: it gave 84 mJ too much; it is in the table"),
+        (7, "trial 1: bench: disk full; it is in the table"),
+        (6, "trial 1: completed, 30 s; it is in the table"),
+    ],
+)
+def test_a_trial_whose_run_ended_with_a_code_says_why(
+    code: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run that moved to its end may still have been found passive no longer, or not kept."""
+    after = {"invalidated": True, "sentences": ["coupling of lever: it gave 84 mJ too much."]}
+    summary = {
+        "rig": "bench",
+        "outcome": {"kind": "finished", "sentence": "completed, 30 s"},
+        "started_utc": "2026-01-01T00:00:00",
+        "operation": {"episodes": []},
+        "pairs": {},
+        "certificate": {"after_run": after if code == 3 else {}},
+        **({"incomplete": "disk full"} if code == 7 else {}),
+    }
+
+    def run(_: Any, *, out: Path, **__: Any) -> RunResult:
+        return RunResult(summary, out, code)
+
+    monkeypatch.setattr(running, "run_rig", run)
+    done = trials(study(tmp_path), "--out", str(tmp_path / "out"), "--yes")
+    assert done.exit_code == code, done.output
+    assert words in done.output
+    assert len(table(tmp_path / "out" / "trials.csv")) == 1
 
 
 def test_what_a_trial_that_was_cut_short_left_is_not_written_over(tmp_path: Path) -> None:

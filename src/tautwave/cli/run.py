@@ -125,9 +125,10 @@ def run(
     from tautwave.cli.terminal.serve_page import page_beside
     from tautwave.cli.terminal.show import show
     from tautwave.cli.terminal.streams import unheard, warn
-    from tautwave.cli.terminal.summary import last_line, summary_sections
+    from tautwave.cli.terminal.summary import summary_sections
     from tautwave.config import load_rig
     from tautwave.summary import summary_of
+    from tautwave.summary.ending import last_line
 
     loaded = load_rig(
         rig, at_site(overrides, site), choose=False

@@ -48,7 +48,8 @@ from tautwave.session.sites.agreed import with_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
 from tautwave.session.viewing.tuning import tuning_facts, tuning_of, with_tuning
-from tautwave.summary import Summary, checked
+from tautwave.summary import Summary, checked, summary_of
+from tautwave.summary.ending import last_line
 from tautwave.summary.model import Axis, Bus, Camera, DeviceFault, Pair, Scene, Site, Spread, Tuned
 from tautwave.summary.model import CommandDelay as CommandDelayOf
 from tautwave.types import CommandDelay, Fault
@@ -70,6 +71,13 @@ class RunResult(NamedTuple):
     summary: dict[str, Any]
     directory: Path
     exit_code: int
+
+    @property
+    def why(self) -> str:
+        """How it ended, or why its exit code is not 0, as a clause."""
+        found, _ = summary_of(self.summary)
+        said = last_line(str(self.summary["rig"]), found, self.exit_code)
+        return " ".join(said.splitlines()).rstrip(".")
 
 
 @interrupts()

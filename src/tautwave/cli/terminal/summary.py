@@ -11,6 +11,7 @@ from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_clai
 from tautwave.report.units import axis_units, count, microseconds, plural, quantity, ratio
 from tautwave.runtime.operate.journal import said_of
 from tautwave.summary import Summary
+from tautwave.summary.ending import generated, outcome
 from tautwave.summary.model import Certificate, Pair
 
 FILES = ("report.html", "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
@@ -51,35 +52,6 @@ def summary_sections(name: str, summary: Summary, directory: Path, exit_code: in
     ]
 
 
-def outcome(summary: Summary, exit_code: int) -> tuple[str, str]:
-    """How the run ended: a word or two, and a sentence ('' if there is none)."""
-    word: str = summary.outcome.kind
-    if word == "unknown":
-        word = "finished" if exit_code == 0 else "stopped"
-    return word.replace("_", " "), summary.outcome.sentence
-
-
-def last_line(name: str, summary: Summary, exit_code: int) -> str:
-    """Why the exit code is not 0: what ended the run, what was not saved, or both."""
-    word, sentence = outcome(summary, exit_code)
-    incomplete = summary.incomplete or ""
-    if exit_code == 7:
-        return f"{name}: {incomplete or word}"
-    if exit_code == 3:
-        sentence = "\n".join(summary.certificate.after_run.sentences or [sentence])
-    elif exit_code in (5, 6):
-        sentence = "\n".join([sentence, *_generated(summary)])
-    sentence = sentence or f"{name}: {word}"
-    return f"{sentence.rstrip('.')}; {incomplete}" if incomplete else sentence
-
-
-def _generated(summary: Summary) -> Iterator[str]:
-    """Yield a sentence on each coupling that generated energy where none may."""
-    after = summary.certificate.after_run
-    if after.invalidated:
-        yield from (one.sentence for one in after.generated.values() if one.passed is False)
-
-
 def _headline(name: str, summary: Summary, exit_code: int) -> Section:
     word, sentence = outcome(summary, exit_code)
     parts = [f"{name}: {word}"]
@@ -91,7 +63,7 @@ def _headline(name: str, summary: Summary, exit_code: int) -> Section:
     if summary.wall_time_s is not None:
         parts.append(f"in {quantity(summary.wall_time_s, 's', 3)}")
     notes: list[str | Cell] = [sentence] if sentence else []
-    notes += [Cell(one, BAD) for one in _generated(summary)]
+    notes += [Cell(one, BAD) for one in generated(summary)]
     notes += [Cell(one, NOTE) for one in summary.warnings]
     lost, unreported = summary.incomplete or "", summary.report_error or ""
     if unreported and unreported not in lost:

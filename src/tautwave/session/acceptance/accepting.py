@@ -192,7 +192,7 @@ def _coupled(
     energy = summary.get("energy_j", {})
     numbers: dict[str, float | str] = {
         "exit_code": float(result.exit_code),
-        "outcome": summary["outcome"]["sentence"],
+        "outcome": result.why,
         **{key: float(energy[key]) for key in ("residual", "generated") if key in energy},
     }
     for pair, found in summary["pairs"].items():

@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
 from tautwave.config.guard import parse_json
-from tautwave.errors import ConfigError, DriverError, SafetyStop, TautwaveError
+from tautwave.errors import (
+    ConfigError,
+    DriverError,
+    NotCertifiedError,
+    SafetyStop,
+    TautwaveError,
+    WritingError,
+)
 from tautwave.files import make_directory, write_text
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import EPISODE, Order
@@ -23,7 +30,7 @@ from tautwave.session.trials.protocol import Protocol, Trial, trials_of
 TABLE, PROTOCOL = "trials.csv", "protocol.json"
 FIRST = ("participant", "trial", "condition", "repetition", "task", "started_utc", "outcome")
 MEASURES = ("position_error", "effort_error")
-ENDS = {5: DriverError, 6: SafetyStop}
+ENDS = {3: NotCertifiedError, 5: DriverError, 6: SafetyStop, 7: WritingError}
 """Errors of a trial's run that ended with these exit codes."""
 
 SPARE_S = 30.0
@@ -118,8 +125,8 @@ def run_study(
         _write(study.out / TABLE, rows)
         if result.exit_code:
             raise ENDS.get(result.exit_code, TautwaveError)(
-                f"trial {trial.number}: {result.summary['outcome']['sentence']}; it is in the "
-                "table, and the same command continues after it"
+                f"trial {trial.number}: {result.why}; it is in the table, and the same command "
+                "continues after it"
             )
     return study.out / TABLE
 
