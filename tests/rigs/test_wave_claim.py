@@ -7,13 +7,13 @@ import pytest
 
 from tautwave.analysis.claim import DEVIATIONS, Claim
 from tautwave.certificate import Certificate
-from tautwave.certificate.claims import claim_hints
 from tautwave.certificate.verdict import certify
 from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
 from tautwave.couplings.wave.claim import claim_of, claimed_joules
 from tautwave.errors import ConfigError
 from tautwave.models.noise_colour import LAGS, greatest_spectrum, spectrum
 from tautwave.rig import command_delays
+from tautwave.rig.claim_verdict import claim_hints
 from tautwave.session.operating import claimed_span
 from tautwave.simulation import simulate
 from tautwave.types import CommandDelay

@@ -7,6 +7,7 @@ from tautwave.rig.assembly import (
     cycles_in,
     make_clock,
 )
+from tautwave.rig.claim_verdict import judge_claim
 from tautwave.rig.claims import axis_claim, kinetic_energy
 from tautwave.rig.clips import pair_clip
 from tautwave.rig.controller import (
@@ -86,6 +87,7 @@ __all__ = [
     "cycles_in",
     "end_constants",
     "foam_params",
+    "judge_claim",
     "kinetic_energy",
     "line_delay",
     "make_clock",

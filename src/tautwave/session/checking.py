@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from tautwave.certificate.claims import bound_hints, claim_hints
 from tautwave.config import Rig, bus_spec
 from tautwave.contracts import Budget
 from tautwave.errors import BusBudgetError, NotCertifiedError
 from tautwave.registry import load_driver, require_modules
 from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_delays
+from tautwave.rig.claim_verdict import bound_hints, claim_hints
 from tautwave.session.facts import (
     PortClaim,
     allowance_rows,

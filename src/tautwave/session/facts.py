@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import Claim, Stated, stated_claim
-from tautwave.certificate.claims import judge_claim, terms_of
 from tautwave.config import Axis, Rig, count_velocity
 from tautwave.config.inputs.chains import weighs
 from tautwave.registry import load_named
@@ -21,6 +20,7 @@ from tautwave.rig import (
     watchdogs,
 )
 from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads, joint_names
+from tautwave.rig.claim_verdict import judge_claim, terms_of
 from tautwave.rig.rates import load_offset
 from tautwave.session.operating import greatest, times
 from tautwave.types import CommandDelay

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 
 from tautwave.analysis.claim import joules, stall_words, watts
 from tautwave.certificate.belief import assumed, broken_delay, broken_inertia
-from tautwave.certificate.claims import judge_claim
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.tuning.two_port import tuning
 from tautwave.certificate.tuning.verdict import tuning_sentence
 from tautwave.config import Rig
 from tautwave.couplings.account.claim import claim_of
+from tautwave.rig import judge_claim
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]

@@ -18,7 +18,6 @@ from tautwave.certificate.belief import (
     broken_delay,
     broken_inertia,
 )
-from tautwave.certificate.claims import judge_claim
 from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
@@ -29,7 +28,7 @@ from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.servos.admittance import admittance_element
 from tautwave.laws.port import plain_drain
 from tautwave.laws.receiver import RESERVE
-from tautwave.rig import at_axis_rate, axis_allowance, coupled_axis, pair_scale
+from tautwave.rig import at_axis_rate, axis_allowance, coupled_axis, judge_claim, pair_scale
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]

@@ -15,7 +15,8 @@ from typing import NamedTuple
 from tautwave.analysis.claim import Claim, joules, short, watts
 from tautwave.config import Rig
 from tautwave.registry import load_named
-from tautwave.rig import axis_allowance, coupling_part
+from tautwave.rig.allowance.filling import axis_allowance
+from tautwave.rig.parts import coupling_part
 from tautwave.types import CommandDelay
 
 PROMPT_PASSES, PROMPT_REFUSED = 2.0, 10.0
