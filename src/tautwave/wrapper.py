@@ -29,6 +29,8 @@ class DriverWrapper:
 
     def __getattr__(self, name: str) -> Any:
         """Return what else a driver may have: `poll`, `notes`, `columns`."""
+        if hasattr(type(self), name):  # its own property came to an AttributeError: not hidden
+            return object.__getattribute__(self, name)
         return getattr(self._driver, name)
 
     @property

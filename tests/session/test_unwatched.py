@@ -156,6 +156,9 @@ def test_it_comes_before_what_stopped_the_run_and_no_power_is_trusted(
     assert "stopped safely" not in sentence
 
 
+HANDED = ("enable_step", "request", "disable", "close")
+
+
 class Behind(SimpleNamespace):
     command_delay = CommandDelay(0, 0.0)
 
@@ -183,6 +186,18 @@ def test_what_is_wrapped_around_a_driver_hands_it_on_as_it_is_now(wrap: Any) -> 
     assert driver.watchdog_s == {}
     assert driver.unwatched == {"slave.a": "goes on"}
     assert driver.unconfirmed == {"slave.a": "no answer"}
+
+
+def test_an_error_in_a_wrapper_is_not_answered_by_the_driver_behind() -> None:
+    class Wrong(DriverWrapper):
+        @property
+        def unconfirmed(self) -> dict[str, str]:
+            return self._names_it_wrong  # type: ignore[no-any-return]
+
+    with pytest.raises(AttributeError, match="_names_it_wrong"):
+        _ = Wrong(
+            SimpleNamespace(command_delay=None, **dict.fromkeys(HANDED), unconfirmed={})
+        ).unconfirmed
 
 
 def test_a_tip_stops_with_the_last_of_its_joints_if_all_do() -> None:

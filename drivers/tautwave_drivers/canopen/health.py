@@ -39,6 +39,8 @@ class Health:
         Nodes have to be operational, and their heartbeats are watched.
     lost : str
         Why the bus cannot be used any more, else ''.
+    booted : set of int
+        Nodes that sent a boot-up frame while not `running`.
     """
 
     def __init__(self, options: CanopenOptions, axes: Sequence[Axis], period_ns: int) -> None:
@@ -58,6 +60,7 @@ class Health:
         self.lost = ""
         self.faults: list[Fault] = []
         self.states: dict[int, int] = {}
+        self.booted: set[int] = set()
         self.received = 0
         self.full_cycles = 0
         self._received_then = 0
@@ -111,6 +114,8 @@ class Health:
         axis.heard_ns = arrival_ns
         before = self.states.get(axis.node.id)
         self.states[axis.node.id] = state
+        if not self.running and state == BOOT_UP:
+            self.booted.add(axis.node.id)
         if not self.running or state == OPERATIONAL:
             return
         if state == BOOT_UP:

@@ -6,17 +6,25 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import canopen
 import pytest
 
 from tautwave.errors import BusTimeout, DeviceFault
+from tautwave_drivers.canopen.bus.network import PolledNetwork
+from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.aborts import ABORT_CODES, NOT_NOW
 from tautwave_sim.canopen.dictionary import NOT_STORED, WRONG_STATE, SdoAbort
 from tests.drivers.canopen.benches import Rig, block, make, node
+from tests.drivers.canopen.foreign import foreign
 from tests.drivers.canopen.test_startup import quirky, refused
+from tests.foreign.cia402 import ForeignDrive
 
 FAULT_OF_HOMING = 1 << 13
 PRODUCES_SYNC, PDO_OFF = 1 << 30, 1 << 31
 OPERATION_ENABLED = 0x0027
 NMT_START = b"\x01"
+ABORT = 0x80
+"""The first byte of an SDO abort."""
 
 Change = Callable[[Any], object]
 
@@ -80,6 +88,64 @@ def test_what_is_not_checked_for_want_of_an_object_is_noted(index: int, note: st
 def test_a_drive_that_is_none_or_will_not_be_told_is_refused(change: Change, words: str) -> None:
     sentence = refused(changed(change))
     assert re.match(rf"master\.a1 \(node 1\) {words}", sentence), sentence
+
+
+def _callbacks(drive: ForeignDrive) -> list[Any]:
+    """What the library asks before the drive itself, of an object that is read."""
+    found: list[Any] = drive.node._read_callbacks  # type: ignore[attr-defined]
+    return found
+
+
+@pytest.mark.parametrize("code", sorted(NOT_NOW))
+def test_an_object_that_cannot_be_read_now_does_not_pass_as_absent(code: int) -> None:
+    def refuse(index: int, **rest: Any) -> None:
+        if index == 0x607E:
+            raise canopen.SdoAbortedError(code)
+
+    rig = foreign({(0x607E, 0): 0x80})
+    _callbacks(rig.drive).insert(0, refuse)
+    assert rig.refused().startswith(
+        f"master.a1 (node 1) does not read 607E:00 polarity: 0x{code:08X}: {ABORT_CODES[code]}"
+    )
+
+
+@pytest.mark.parametrize("at", [0x6072, 0x1016, 0x60FF])
+def test_a_drive_that_restarts_while_it_is_set_up_is_not_enabled(at: int) -> None:
+    """It has kept its PDOs, but forgotten the limit of its torque and its watchdog."""
+    rig = foreign(numbers=(1, 2))
+    first, second = rig.bus.drives
+
+    def restart(index: int, **rest: Any) -> None:
+        if index == at:
+            _callbacks(second).remove(restart)
+            first._send(0x701, b"\x00")
+
+    _callbacks(second).insert(0, restart)
+    assert rig.refused() == (
+        "master.a1 (node 1): it restarted while the drives were set up (boot-up frame), and has "
+        "forgotten what was set; check its supply, then run again"
+    )
+
+
+@pytest.mark.parametrize("late_s", [0.25, 0.31, 0.4, 0.44])
+def test_a_late_abort_is_of_the_object_that_it_names(late_s: float) -> None:
+    """Polarity is read after objects that the drive lacks and aborts too late."""
+    rig = foreign({(0x607E, 0): 0x80})
+    free_ns = 0
+
+    def one_by_one(can_id: int, data: bytes) -> None:
+        nonlocal free_ns
+        taken_s = late_s if data[0] == ABORT else 1e-3
+        free_ns = max(free_ns, rig.bus.now_ns) + round(taken_s * 1e9)
+        rig.bus._push(free_ns, False, can_id, data)
+
+    rig.drive.network._out = one_by_one
+    remote = PolledNetwork(rig.bus, rig.clock, lambda *_: None, 0.3).remote(1, "drive")
+    for lacking in (o.POSITION_FACTOR, o.GEAR_MOTOR):
+        assert remote.find(lacking) is None
+        assert remote.find(o.POLARITY) == 0x80
+        assert remote.find(o.RATED_TORQUE) == 500
+        remote.write(o.MODE, 10)
 
 
 def test_a_drive_that_produces_sync_stops_or_is_refused() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import struct
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ from tautwave.device_settings import DeviceSettings, SettingRefusedError
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave_drivers.canopen.files.reading import Setting
 from tautwave_drivers.cia402 import communication, objects
-from tautwave_drivers.cia402.aborts import abort_text
+from tautwave_drivers.cia402.aborts import NOT_NOW, abort_text
 from tautwave_drivers.cia402.entry import Entry, pack, unpack
 
 _RETRIES = 3
@@ -31,6 +32,9 @@ _BATCH = 256
 _LONGEST = 20
 """Response timeouts that all segments of an object may take together."""
 _SENDING_NS = 1_000_000
+_NAMING = (2, 3, 4)
+"""Command specifiers of responses that name their object: read, written, abort (CiA 301)."""
+_UNNAMED = bytes(3)
 _TYPES = {
     "BOOL": datatypes.BOOLEAN,
     "I8": datatypes.INTEGER8,
@@ -65,7 +69,9 @@ class Responses:
     """Replaces the queue of canopen's SDO client.
 
     `until_ns` is when the transfer under way has to be complete, and `late` whether it was not:
-    the library takes segments for as long as they come.
+    the library takes segments for as long as they come. `asked` are the bytes that name its object:
+    what comes late for another one is dropped. The library would take its abort for this one's, and
+    an object that changes a sign would pass as absent.
     """
 
     def __init__(self, net: PolledNetwork) -> None:
@@ -73,10 +79,12 @@ class Responses:
         self._items: deque[bytes] = deque()
         self.until_ns = 0
         self.late = False
+        self.asked = _UNNAMED
 
     def put(self, item: bytes) -> None:
-        """Take a response."""
-        self._items.append(item)
+        """Take a response, unless it names another object; some aborts name none."""
+        if item[0] >> 5 not in _NAMING or item[1:4] in (self.asked, _UNNAMED):
+            self._items.append(item)
 
     def empty(self) -> bool:
         """Forget late responses before a new request; always True then."""
@@ -224,10 +232,18 @@ class RemoteDrive:
         return value if isinstance(value, int) else 0
 
     def find(self, entry: Entry) -> int | None:
-        """Return an object's value, None where the drive does not have it."""
+        """Return an object's value, None where the drive does not have it.
+
+        Raises
+        ------
+        AbortError
+            The drive does not tell at present whether it has it, or its value.
+        """
         try:
             return self.number(entry)
-        except AbortError:
+        except AbortError as err:
+            if err.code in NOT_NOW:
+                raise
             return None
 
     def find_text(self, entry: Entry) -> str | None:
@@ -241,7 +257,7 @@ class RemoteDrive:
         """Write an object; raises as `read` does."""
         data = pack(entry, value)
         with self._sentences(f"take {value} (0x{data[::-1].hex()}) in", entry):
-            self._again(lambda: self._node.sdo.download(entry.index, entry.sub, data))
+            self._again(entry, lambda: self._node.sdo.download(entry.index, entry.sub, data))
 
     def write_setting(self, setting: Setting) -> bool:
         """Write a parameter value of a DCF and read it back; raises as `read` does.
@@ -255,7 +271,7 @@ class RemoteDrive:
             readable = one.access != "wo"
             if readable and setting.equals(self._upload(entry)):
                 return False
-            self._again(lambda: self._node.sdo.download(entry.index, entry.sub, data))
+            self._again(entry, lambda: self._node.sdo.download(entry.index, entry.sub, data))
             found = self._upload(entry) if readable else data
         if not setting.equals(found):
             raise DeviceFault(
@@ -266,12 +282,13 @@ class RemoteDrive:
         return True
 
     def _upload(self, entry: Entry) -> bytes:
-        return bytes(self._again(lambda: self._node.sdo.upload(entry.index, entry.sub)))
+        return bytes(self._again(entry, lambda: self._node.sdo.upload(entry.index, entry.sub)))
 
-    def _again(self, transfer: Callable[[], Any]) -> Any:
+    def _again(self, entry: Entry, transfer: Callable[[], Any]) -> Any:
         """Repeat a transfer without a response, or with one to another request: frames get lost."""
         self._responses.until_ns = self._net.clock.now_ns() + self._longest_ns
         self._responses.late = False
+        self._responses.asked = struct.pack("<HB", entry.index, entry.sub)
         for left in range(_RETRIES - 1, -1, -1):
             try:
                 return transfer()

@@ -86,12 +86,15 @@ def bring_up(
     try:
         for drive, axis in zip(drives, axes, strict=True):
             drive.nmt(NMT_PRE_OPERATIONAL)
+            notes += check_identity(drive, axis)
+            health.booted.discard(axis.node.id)  # it responds: powered on just before, if at all
             notes += prepare(drive, axis, options, bus, clock)
         for drive in drives:
             drive.nmt(NMT_START)
         _await_operational(net, axes, health, clock, bus)
         if options.sync:
             notes += _measure_response_times(net, axes, arrivals, options, bus, clock)
+        _check_restarts(axes, health)
     except BaseException:  # a start that is refused, or ended by Ctrl-C, leaves nothing behind
         for drive in drives:
             drive.settings.give_back()
@@ -103,8 +106,7 @@ def prepare(
     drive: RemoteDrive, axis: Axis, options: CanopenOptions, bus: BusSpec, clock: Clock
 ) -> list[str]:
     """Check one drive and write all it needs; it is pre-operational, and stays so."""
-    notes = check_identity(drive, axis)
-    notes += torque_off(drive, clock, bus)
+    notes = torque_off(drive, clock, bus)
     notes += _dcf(drive, axis)
     notes += check_meaning(drive, axis)
     notes += check_sync(drive)
@@ -228,6 +230,16 @@ def _await_operational(
         f"bus {bus.name}: not NMT operational {START_S:g} s after NMT start: {words}; look "
         "for another master, or an error that keeps it there (1029h)"
     )
+
+
+def _check_restarts(axes: Sequence[Axis], health: Health) -> None:
+    """Refuse a drive that lost its power after it was set up: its limits are its own again."""
+    for axis in axes:
+        if axis.node.id in health.booted:
+            raise DeviceFault(
+                f"{axis.label}: it restarted while the drives were set up (boot-up frame), and "
+                "has forgotten what was set; check its supply, then run again"
+            )
 
 
 def _measure_response_times(

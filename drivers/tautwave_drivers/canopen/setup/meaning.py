@@ -3,6 +3,9 @@
 Every one stands in `TABLE`. Each is read before any torque, where the drive has it, and compared
 with what the rig states; a difference is refused with the object, its value and what would be
 right. Source: CiA 402-2 v3.0, factor group and limits; 6093h to 6095h as in its edition 2.
+
+Edition 2's notation and dimension indices (6089h, 608Ah; 608Bh, 608Ch) are not in it: they only
+name the unit that 6093h to 6096h make, and drives leave anything there (Elmo's do not use them).
 """
 
 from __future__ import annotations
