@@ -20,7 +20,7 @@ class Lasts(Enum):
 
     LOAN = "until the bus is closed: what was found is given back"
     POWER = "until its power is off: set at every start"
-    STORED = "until its power is off, or for good once it is told to store: with --configure"
+    STORED = "until its power is off, or for good once it is stored: with --configure"
     WRITTEN = "for good: written with --configure, else listed where it differs"
 
 

@@ -83,7 +83,7 @@ class SettingsDifferError(DriverError):
         listed = "".join(f"\n  {one}" for one in differences)
         super().__init__(
             f"bus {', '.join(buses)}: lasting settings differ:{listed}\n"
-            "--configure, once, writes them into the devices"
+            "run once with --configure to write them into the devices"
         )
 
 

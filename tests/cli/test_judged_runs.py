@@ -43,9 +43,11 @@ def test_a_run_that_generated_energy_is_exit_code_3_with_both_numbers(
     last = done.stderr.splitlines()[-1]
     assert last.startswith(found["sentence"])
     assert "lower its stiffness" in last
-    assert "more than the damping of its devices, by its lower bounds, could have taken" in last
+    assert (
+        "more than the damping of its devices, by its lower bounds, could have dissipated" in last
+    )
     said = " ".join(done.stdout.split())
-    assert "certificate passive conditional, before the run; not kept in it" in said
+    assert "certificate passive conditional, before the run; invalidated by it" in said
     assert said.count(" ".join(found["sentence"].split())) == 2  # on top, and by the certificate
     page = page_of(tmp_path / "out")
     assert page.index("This run generated energy") < page.index("Energy books")
@@ -106,12 +108,12 @@ def test_a_condition_that_the_run_did_not_keep_is_named_with_its_cycles(
     done, summary = judged(tmp_path, monkeypatch, change, "--duration", "1")
     assert done.exit_code == 0, done.output
     [master, slave] = summary["certificate"]["after_run"]["broken_conditions"]
-    assert "if the effort_rate_limit of master.a is not reached in the coupling; in " in master
+    assert "if the effort_rate_limit of master.a is not reached in the coupling; it was" in master
     assert "slave.a" in slave
-    assert "on conditions that this run did not keep" in done.stdout
+    assert "on conditions that this run did not meet" in done.stdout
     found = verdicts(load_run(tmp_path / "out"))[-1]
     assert found.status == "note"
-    assert found.sentences[0] == "Passed, on conditions that this run did not keep."
+    assert found.sentences[0] == "Passed, on conditions that this run did not meet."
 
 
 STUCK = {

@@ -276,5 +276,5 @@ def test_what_differs_in_all_devices_is_one_refusal() -> None:
         refuse_differences(bus, ledgers)
     assert str(caught.value) == (
         "bus line: lasting settings differ:\n  one: a 1 -> 2\n  two: a 1 -> 2\n"
-        "--configure, once, writes them into the devices"
+        "run once with --configure to write them into the devices"
     )

@@ -202,7 +202,7 @@ def test_a_claim_between_passed_and_refused_depends_on_the_host() -> None:
 
 def test_noise_that_comes_in_for_an_hour_is_a_condition_and_no_refusal() -> None:
     found = certify(rig(f"duration_s={UNTIL_STOPPED_S}", name="bench-1dof-2khz-noisy"))
-    assert any("its noise and steps let" in one for one in conditions(found))
+    assert any("its noise and effort steps leak" in one for one in conditions(found))
 
 
 def test_a_forced_run_without_limits_names_every_side() -> None:

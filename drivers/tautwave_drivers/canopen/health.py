@@ -160,9 +160,9 @@ class Health:
             lost, axis.lost_then = axis.lost - axis.lost_then, axis.lost
             if 2 * lost > self._window:
                 self.report(
-                    f"{axis.label}: most cycles had no sample for {self._window} cycles: what is "
-                    "felt is that much coarser; look at the drive's inhibit time, the load of the "
-                    "bus and answer_share"
+                    f"{axis.label}: most of the last {self._window} cycles had no sample, so "
+                    "control is that much coarser; check the drive's inhibit time, the bus load "
+                    "and answer_share"
                 )
 
     def watch(self, now_ns: int) -> None:

@@ -80,7 +80,7 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
     devices = [_device(number, row, name, str(path)) for number in ids]
     notes = _notes([row])
     if reason := unwatched(file):
-        notes.append(f"TODO: by its EDS {reason}: a run needs --allow-unwatched")
+        notes.append(f"TODO: according to its EDS {reason}; a run needs --allow-unwatched")
     return FoundBus("can", "canopen", given, "nodes", devices, [*file.remarks, *notes])
 
 

@@ -96,7 +96,7 @@ def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
         each += options.return_delay_s + options.latency_s
         exchange += traffic.servos * each
         lines.append(
-            f"a servo can restart within a period: {traffic.servos} x {each * 1e3:.3f} ms to read "
+            f"a servo can restart within a period: {traffic.servos} x {each * 1e3:.3f} ms to check "
             f"that none did = {exchange * 1e3:.3f} ms (status_block: true reads it with the rest)"
         )
     needed = exchange / READ_SHARE

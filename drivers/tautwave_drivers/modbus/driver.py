@@ -114,7 +114,7 @@ class ModbusDriver(DriverBase):
             client = Client(link, self._clock, self._timeout_s)
             if isinstance(link, RtuLink):
                 until = self._clock.now_ns() + round(1e9 * self._timeout_s)
-                check_echo(link, self._clock, stations[0], until, told=self._options.echo)
+                check_echo(link, self._clock, stations[0], until, expected=self._options.echo)
             for station in stations:
                 bringup = Bringup(
                     station, client, self._options, self._bus, self._clock, self.notes
@@ -287,7 +287,7 @@ class ModbusDriver(DriverBase):
         if links is None or not names:
             return
         links.watching = False
-        self.unconfirmed |= dict.fromkeys(names, "it was not told to switch off")
+        self.unconfirmed |= dict.fromkeys(names, "it was not commanded to switch off")
         doubtful = leave(links, self._clock)
         for name in names:
             del self.unconfirmed[name]

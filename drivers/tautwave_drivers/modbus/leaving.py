@@ -25,7 +25,7 @@ AGAIN_S = 0.5
 def leave(links: Links, clock: Clock) -> dict[str, str]:
     """Switch off every drive that was being enabled or is; return who did not confirm it, and why.
 
-    A lost link is not opened again: other buses are still to be told.
+    A lost link is not opened again: other buses still have to be switched off.
     """
     doubtful: dict[str, str] = {}
     for link, stations in links.groups:
@@ -50,7 +50,7 @@ def leave_again(links: Links, clock: Clock, doubtful: Mapping[str, str]) -> dict
         if not behind:
             continue
         if isinstance(link, TcpLink) and not link.lost:
-            link.drop("the connection is tried anew")
+            link.drop("the connection is opened again")
         if link.lost:
             links.reach(link, (until - clock.now_ns()) * 1e-9)
         client = Client(link, clock, RESPONSE_S, 1)
@@ -74,7 +74,7 @@ def _told(link: Link, client: Client, station: Station, clock: Clock) -> str:
             switch_off(client, station, clock)
         except Exception as err:  # noqa: BLE001  the others have to be switched off too
             why = str(err)
-    return f"unit {station.device.unit} did not confirm to be off: {why}" if why else ""
+    return f"unit {station.device.unit} did not confirm that it is off: {why}" if why else ""
 
 
 def switch_off(client: Client, station: Station, clock: Clock) -> None:
@@ -114,5 +114,5 @@ def _verify_off(client: Client, station: Station, clock: Clock) -> None:
             return
         if clock.now_ns() >= until:
             shown = refusal(pdu) if status is None else f"its status is {status:#x}"
-            raise DeviceFault(f"it still says that it is enabled: {shown}")
+            raise DeviceFault(f"it still reports that it is enabled: {shown}")
         clock.sleep_until(clock.now_ns() + PAUSE_NS)

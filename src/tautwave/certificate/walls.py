@@ -220,9 +220,9 @@ def _noise_sentence(axis: Axis, name: str, noise: float) -> str:
     unknown = axis.position_noise_autocorrelation is None
     colour = ", of any colour," if unknown else ""
     return (
-        f"{name}: the declared position noise{colour} has it give up to {noise:.3g} W "
-        "indefinitely, beyond what the device's damping takes; a softer wall gives less, with "
-        "its square."
+        f"{name}: the declared position noise{colour} makes it generate up to {noise:.3g} W "
+        "indefinitely, beyond what the device's damping dissipates; that falls with the square "
+        "of its stiffness."
     )
 
 

@@ -70,7 +70,7 @@ SECTIONS = {
         Column(
             "SIDE.AXIS.limited",
             "",
-            "what acts on the command, a sum: 1 the coupling's share of the axis, 2 effort_limit "
+            "what limits the command, a sum: 1 the coupling's share of the axis, 2 effort_limit "
             "(of a velocity: velocity_limit), 4 effort_rate_limit, 8 the drive's steps, 16 the "
             "ceiling of a ramp, 32 a stop, 64 the bound for stalls (stall_energy_j); 0: what "
             "coupling and wall ask for is sent",

@@ -116,7 +116,7 @@ def build_rig(
             raise ConfigError(
                 f"bus {bus_name}: its driver {bus.driver} does not say {', '.join(lacking)}, so it "
                 "is not known what its devices do when this program stops; update the package "
-                "that the driver is from"
+                "that provides the driver"
             )
         if isinstance(driver, RowSource):
             sources.append(driver)

@@ -84,7 +84,7 @@ def prompt_cause(claim: Claim, seconds: float) -> str:
     ramp = claim.held(claim.late + 1.0) - claim._replace(rate=math.inf).held(claim.late + 1.0)
     late = claim.held(claim.late + 1.0) - ramp - claim._replace(rate=math.inf).held(1.0)
     parts = {
-        f"its noise and steps let {watts(claim.leak)} in": claim.leak * seconds,
+        f"its noise and effort steps leak {watts(claim.leak)}": claim.leak * seconds,
         "its effort takes long to fall (effort_rate_limit)": ramp,
         f"its commands act {claim.late:g} periods late": late,
         f"each effort acts for {_ms(claim.period)} unseen": claim._replace(rate=math.inf).held(1.0),

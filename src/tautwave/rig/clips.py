@@ -34,7 +34,7 @@ def certain_effort(rig: Rig, axis_name: str) -> float:
     if left > 0.0:
         return left
     side, name = axis_name.split(".")
-    takes = f"{has.wall_effort:g} of it are its wall's"
+    takes = f"{has.wall_effort:g} of it is reserved for its wall"
     key = f"coupling.pairs.{name}.wall_{side}.effort_limit"
     if has.lift_effort > 0.0:
         takes += f" and {has.lift_effort:g} take inertia off"

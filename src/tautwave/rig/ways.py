@@ -314,7 +314,7 @@ def watchdogs(rig: Rig) -> dict[str, float]:
 
 
 def _unopened(rig: Rig) -> Iterator[tuple[str, BusSpec, Driver]]:
-    """Yield the driver of every bus, with its name and what it is told of it; none is opened."""
+    """Yield each bus' name, the `BusSpec` its driver is made with, and the driver, unopened."""
     clock = FakeClock()
     for bus_name, bus in rig.buses.items():
         plugin: DriverPlugin = load_driver(bus.driver)

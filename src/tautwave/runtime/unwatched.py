@@ -16,8 +16,8 @@ def warning(buses: Sequence[LoopBus], warn: Callable[[str], None]) -> Callable[[
         for bus in buses:
             for name, does in bus.driver.unwatched.items():
                 sentence = (
-                    f"UNWATCHED: {name} {does}; if this program stops, only an emergency stop does "
-                    "too: keep a hand on it"
+                    f"UNWATCHED: {name} {does}; if this program stops, only the emergency "
+                    "stop ends its torque: keep a hand on it"
                 )
                 if sentence not in said:
                     said.add(sentence)
@@ -27,7 +27,7 @@ def warning(buses: Sequence[LoopBus], warn: Callable[[str], None]) -> Callable[[
 
 
 def may_be_enabled(buses: Sequence[LoopBus]) -> str:
-    """Return a sentence about every device that did not confirm to be off; '' if all did."""
+    """Return a sentence about every device that did not confirm that it is off; '' if all did."""
     return "; ".join(
         f"{name} may still be enabled ({why}): {_own(bus, name)}"
         for bus in buses

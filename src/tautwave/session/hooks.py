@@ -13,7 +13,7 @@ from tautwave.rig import Assembly, BusWay
 
 
 class Engine(Protocol):
-    """By which steps a run goes (`python` or `compiled`), and what a user is told about it."""
+    """The engine of a run (`python` or `compiled`), and what a user reads about it."""
 
     @property
     def name(self) -> str:

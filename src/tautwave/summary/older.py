@@ -39,9 +39,9 @@ def _typed(data: Data) -> Data:
     pairs = {name: dict(_dict(pair)) for name, pair in _dict(found.get("pairs")).items()}
     delay = found.pop("coupling_delay_s", None)  # once of the rig, or by pair beside the pairs
     for name, pair in pairs.items():
-        told = delay.get(name) if isinstance(delay, dict) else delay
-        if told is not None:
-            pair.setdefault("coupling_delay_s", told)
+        known = delay.get(name) if isinstance(delay, dict) else delay
+        if known is not None:
+            pair.setdefault("coupling_delay_s", known)
     found["pairs"] = pairs
     if isinstance(found.get("certificate"), dict):
         found["certificate"] = _certificate(found["certificate"])

@@ -58,7 +58,7 @@ def clip_condition(network: Network, axis_name: str) -> tuple[str, ...]:
         return ()
     return (
         f"the motor of {axis_name} is not at its effort_limit while the scene's masses move; the "
-        "run's account ends it otherwise",
+        "run's account stops it otherwise",
     )
 
 
@@ -101,8 +101,8 @@ def _element(ports: list[str], limits: dict[str, float], *, grounded: bool, heav
         )
         verdict = Verdict(
             False,
-            f"{title}: {why}, so where one motor is at its limit and another is not, going round "
-            f"gives energy each time, without end; {remedy}.",
+            f"{title}: {why}, so where one motor is at its limit and another is not, moving the "
+            f"ports around a closed path generates energy each time, without bound; {remedy}.",
         )
     else:
         verdict = Verdict(

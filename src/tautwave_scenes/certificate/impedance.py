@@ -3,7 +3,7 @@
 Nodes have names; `ground` does not move. A mass sits between its node and ground, springs and
 dampers between any two nodes. With M s**2 + B s + K = P(s) the impedance (force over velocity) at
 node i is det P / (s det P without i). Every such network is passive, so its impedance is positive
-real: the second seed's model of the hand and of its virtual objects.
+real: Berdahl, Smith & Niemeyer's model of the hand and of its virtual objects.
 
 Units: SI, linear (kg, N s/m, N/m) or rotary (kg m**2, N m s/rad, N m/rad).
 """

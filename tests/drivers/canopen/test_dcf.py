@@ -60,7 +60,7 @@ def test_a_dcf_of_another_node_is_refused_before_the_bus(tmp_path: Path, spellin
         "export one from that drive, or correct the rig"
     )
     (said,) = checked((1, file), (2, file))
-    assert said.startswith(f"axis1: {file} is given to nodes 1 and 2, but is that of node 1")
+    assert said.startswith(f"axis1: {file} is given to nodes 1 and 2, but belongs to node 1")
     written(tmp_path / "a.dcf", text.replace("NodeID=1", "NodeName=AXIS"))  # as it tells to
     assert checked((1, file), (2, file)) == ()
     # a data sheet sets nothing, so it may say what it likes
@@ -258,4 +258,4 @@ def test_only_differences_are_written_and_what_is_left_out_is_said(tmp_path: Pat
     assert not {WINDOW, (0x2000, 0), (0x1006, 0)} & set(given)
     said = "\n".join(rig.driver.notes)
     assert "2000:00 Node-ID (node id and bit rate on many drives), 1 objects of comm" in said
-    assert f"2 parameter values of {file}: 1 written and read back, 1 held already" in said
+    assert f"2 parameter values of {file}: 1 written and read back, 1 already in the drive" in said

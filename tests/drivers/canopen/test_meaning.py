@@ -216,7 +216,7 @@ def test_a_rated_torque_in_another_unit_is_stated_and_right(
 def test_a_rated_torque_of_0_is_set_in_the_drive_not_in_the_rig() -> None:
     for unit, wanted in (({}, 500), ({"rated_torque_unit": "mA", "torque_constant": 0.1}, 5000)):
         said = foreign({(0x6076, 0): 0}, first=unit).refused()
-        assert f"the drive does not know its motor; set it to {wanted} (" in said
+        assert f"the drive has no motor data; set it to {wanted} (" in said
         assert "with the motor's other data" in said
         assert not remedies(said)
         measured = foreign({(0x6076, 0): wanted}, first=unit)

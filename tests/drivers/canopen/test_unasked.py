@@ -101,7 +101,7 @@ def test_a_drive_with_hundreds_of_pdos_that_takes_its_time_is_left(
     monkeypatch.setattr(pdo, "PROBING_NS", 20_000_000)
     rig = foreign(pdos=60)
     rig.driver.open()
-    assert any("to list its PDOs: not all were looked at" in note for note in rig.driver.notes)
+    assert any("to list its PDOs: not all were checked" in note for note in rig.driver.notes)
     rig.driver.close()
 
 
@@ -159,7 +159,7 @@ def test_sync_has_no_counter_and_one_master(objects: dict[Key, int], key: Key, a
 
 def test_a_drive_that_counts_sync_and_cannot_be_told_is_refused() -> None:
     rig = foreign({(0x1019, 0): 10}, fixed=frozenset({0x1019}))
-    assert "it would wait for a counter that this master's SYNC has not" in rig.refused()
+    assert "it would wait for a counter, which this master's SYNC does not have" in rig.refused()
 
 
 @pytest.mark.parametrize(("mute", "loud"), [(5, True), (2, False), (0, False)])
@@ -174,7 +174,7 @@ def test_a_loop_that_gets_no_sample_in_most_cycles_says_so(mute: int, loud: bool
     assert bool(said) == loud, said
     if loud:
         assert said == [
-            "master.a1 (node 1): most cycles had no sample for 500 cycles: what is felt is that "
-            "much coarser; look at the drive's inhibit time, the load of the bus and answer_share"
+            "master.a1 (node 1): most of the last 500 cycles had no sample, so control is that "
+            "much coarser; check the drive's inhibit time, the bus load and answer_share"
         ]
     rig.driver.close()

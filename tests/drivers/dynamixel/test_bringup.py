@@ -79,7 +79,7 @@ def test_eeprom_is_not_touched_and_the_refusal_says_what_would_change() -> None:
     first, *changes, last = reported.splitlines()
     assert first.endswith("lasting settings differ:")
     assert all(line.startswith("  ") and line.count("->") == 1 for line in changes)
-    assert "--configure, once, writes" in last
+    assert "run once with --configure" in last
 
 
 def test_configure_writes_what_differs_and_tells() -> None:

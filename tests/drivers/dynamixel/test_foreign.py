@@ -312,7 +312,7 @@ def test_on_a_slow_bus_the_reads_in_each_period_are_in_the_budget() -> None:
     fast, slow = (plugin.budget(options, bus._replace(rate_hz=rate)) for rate in (1000.0, 40.0))
     reads = 2 * (14 + 11 + 7) * 10 / 4e6 / 0.8  # of 2 servos, in 80 % of the period
     assert slow.time_s == pytest.approx(fast.time_s + reads)
-    assert "2 x 0.080 ms to read that none did" in slow.arithmetic
+    assert "2 x 0.080 ms to check that none did" in slow.arithmetic
     block_of = options.model_copy(update={"status_block": True})
     assert "none did" not in plugin.budget(block_of, bus._replace(rate_hz=40.0)).arithmetic
 

@@ -115,7 +115,7 @@ def test_lasting_writes_need_configure(tmp_path: Any) -> None:
     assert first == "bus arm: lasting settings differ:"
     assert mode.endswith(" on bus arm: mode 0 -> 2 (the mode that the axis needs)")
     assert timeout.endswith(": comm_timeout 0 -> 100 (comm-loss timeout)")
-    assert last == "--configure, once, writes them into the devices"
+    assert last == "run once with --configure to write them into the devices"
     made = bench(devices=[mine], bus={"configure": True})
     made.driver.open()
     assert made.number(1, "mode") == 2

@@ -83,7 +83,7 @@ def test_it_runs_it(monkeypatch: pytest.MonkeyPatch, tcp: bool, functions: tuple
     assert_off(made)
 
 
-# -- a line that answers itself -------------------------------------------------------------
+# -- a line that echoes -------------------------------------------------------------
 
 
 @pytest.mark.parametrize("functions", [(3, 6, 16), (3, 16), (3, 6, 16, 23), (4, 6, 16)])
@@ -95,7 +95,7 @@ def test_a_line_that_returns_what_is_sent_is_refused_before_a_write(
         monkeypatch, *(Drive() for _ in range(drives)), tcp=False, echo=True, functions=functions
     )
     before = [dict(drive.words) for drive in made.line.drives.values()]
-    with pytest.raises(DriverError, match=r"the line answers itself.*set echo: true"):
+    with pytest.raises(DriverError, match=r"the line echoes what is sent.*set echo: true"):
         made.driver.open()
     assert [dict(drive.words) for drive in made.line.drives.values()] == before
 
@@ -141,7 +141,7 @@ def test_a_drive_that_missed_it_is_told_again(monkeypatch: pytest.MonkeyPatch, t
     made.run()
     made.line.drives[1].stubborn = 1
     made.driver.disable()
-    assert "did not confirm to be off" in made.driver.unconfirmed["slave.a1"]
+    assert "did not confirm that it is off" in made.driver.unconfirmed["slave.a1"]
     assert not made.line.drives[2].on
     made.driver.close()
     assert made.driver.unconfirmed == {}

@@ -293,7 +293,7 @@ def test_a_drive_that_may_still_be_on_is_reported_and_the_next_one_is_switched_o
     monkeypatch.setattr(leaving, "switch_off", failing)
     made.driver.close()
     assert made.driver.unconfirmed == {
-        "slave.a1": "unit 1 did not confirm to be off: an error of ours"
+        "slave.a1": "unit 1 did not confirm that it is off: an error of ours"
     }
     assert not made.world.bus.drives[2].on
 

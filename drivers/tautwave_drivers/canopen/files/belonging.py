@@ -113,9 +113,9 @@ def _problems(uses: Sequence[Use]) -> Iterator[str]:
             if node == both[0]:
                 listed = " and ".join(str(number) for number in both)
                 yield (
-                    f"{name}: {path} is given to nodes {listed}, but is that of node {stated} "
-                    "(NodeID in it); give each node its own, or remove NodeID from it if its "
-                    "values suit all of them"
+                    f"{name}: {path} is given to nodes {listed}, but belongs to node {stated} "
+                    "(its NodeID); give each node its own file, or remove NodeID from it if "
+                    "its values suit all of them"
                 )
         elif stated is not None and stated != node:
             yield (

@@ -159,7 +159,7 @@ def _dcf(drive: RemoteDrive, axis: Axis) -> list[str]:
     return [
         *notes,
         f"{drive.name}: {len(choice.written)} parameter values of {file.path}: {written} written "
-        f"and read back, {len(choice.written) - written} held already",
+        f"and read back, {len(choice.written) - written} already in the drive",
     ]
 
 

@@ -182,8 +182,8 @@ def _position_unit(read: Read, axis: Axis) -> Verdict:
     else:
         counts = node.feed / node.gear_ratio / unit
     if _differs(counts, axis):
-        told = _state(counts)
-        state = f"state {told} in the rig, or " if told else ""
+        stated = _state(counts)
+        state = f"state {stated} in the rig, or " if stated else ""
         return Verdict(
             f"that makes {counts:g} counts per motor turn, but the rig states "
             f"{node.counts_per_revolution}; {state}{increments}"
@@ -203,8 +203,8 @@ def _factors(read: Read, axis: Axis) -> Verdict:
         )
     counts = feed / gear
     if _differs(counts, axis):
-        told = _state(counts)
-        state = f", or state {told} if the drive does count in that unit" if told else ""
+        stated = _state(counts)
+        state = f", or state {stated} if the drive does count in that unit" if stated else ""
         return Verdict(
             f"they give {counts:g} position units per motor turn, but the rig states "
             f"{axis.node.counts_per_revolution}; set them {TOOL} so that one unit is one encoder "
@@ -227,8 +227,8 @@ def _encoder(read: Read, axis: Axis) -> Verdict:
             "position units that the drive makes of them; choose a coarser unit in 60A8h or 6092h"
         )
     if _differs(increments, axis):
-        told = _state(increments)
-        state = f"state {told} in the rig if the motor has that encoder, or " if told else ""
+        stated = _state(increments)
+        state = f"state {stated} in the rig if the motor has that encoder, or " if stated else ""
         return Verdict(
             f"that makes {increments:g} counts per motor turn, but the rig states {said}; {state}"
             f"set 608Fh {TOOL}"
@@ -323,7 +323,7 @@ def _rated_torque(read: Read, axis: Axis) -> Verdict:
     if rated == 0:
         name, unit = rated_unit(axis)
         return Verdict(
-            f"the drive does not know its motor; set it to {round(said / unit)} ({name}, as the "
+            f"the drive has no motor data; set it to {round(said / unit)} ({name}, as the "
             f"rig's rated_torque {said:g} N m) {TOOL}, with the motor's other data"
         )
     name, unit = rated_unit(axis)
@@ -339,7 +339,7 @@ def _rated_torque(read: Read, axis: Axis) -> Verdict:
 
 def _rated_current(read: Read, axis: Axis) -> Verdict:
     if read[o.RATED_CURRENT] == 0 and read[o.RATED_TORQUE] is not None:
-        return Verdict(f"the drive does not know its motor; set its rated current in mA {TOOL}")
+        return Verdict(f"the drive has no motor data; set its rated current in mA {TOOL}")
     return Verdict()
 
 

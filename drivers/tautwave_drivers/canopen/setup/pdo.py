@@ -155,7 +155,7 @@ def silence_others(drive: RemoteDrive, used: Collection[int], named: Collection[
             drive.settings.changed.append(entry)
     if drive.clock.now_ns() > end:
         notes.append(
-            f"{drive.name} took {PROBING_NS * 1e-9:g} s to list its PDOs: not all were looked at"
+            f"{drive.name} took {PROBING_NS * 1e-9:g} s to list its PDOs: not all were checked"
         )
     return [*notes, f"{drive.name}: switched off {', '.join(off)}"] if off else notes
 

@@ -232,7 +232,7 @@ def check_sync(drive: RemoteDrive) -> list[str]:
     if found is not None and found & (_PRODUCER | 0x7FF) != 0x80:
         notes.append(require(drive, c.SYNC_COB_ID, 0x80, "two masters would send SYNC").text)
     if drive.find(c.SYNC_COUNTER):
-        remedy = "it would wait for a counter that this master's SYNC has not; set it to 0"
+        remedy = "it would wait for a counter, which this master's SYNC does not have; set it to 0"
         notes.append(require(drive, c.SYNC_COUNTER, 0, remedy).text)
     time = drive.find(c.TIME_COB_ID)
     if time is not None and time & _PRODUCER:

@@ -44,7 +44,9 @@ def request_once(link: Link, clock: Clock, unit: int, request: Request, limit_ns
     return transaction.responses[0] if transaction.responses else b""
 
 
-def check_echo(link: RtuLink, clock: Clock, station: Station, until_ns: int, *, told: bool) -> None:
+def check_echo(
+    link: RtuLink, clock: Clock, station: Station, until_ns: int, *, expected: bool
+) -> None:
     """See whether a line returns what is sent, before anything is written to a drive on it.
 
     A write of one register is answered by itself: its echo would be taken for the drive's word. A
@@ -53,7 +55,7 @@ def check_echo(link: RtuLink, clock: Clock, station: Station, until_ns: int, *, 
     Raises
     ------
     DriverError
-        It does otherwise than the options have `told`, or is gone.
+        It echoes where that was not `expected`, or does not where it was, or is lost.
     """
     request = station.codec.read(station.device.profile.roles["status"])
     link.heard = bytearray()
@@ -62,12 +64,12 @@ def check_echo(link: RtuLink, clock: Clock, station: Station, until_ns: int, *, 
     silent = not link.heard
     link.heard = None
     where = station.device.endpoint
-    if echoes and not told:
+    if echoes and not expected:
         raise DriverError(
-            f"{where}: the line answers itself: what is sent comes back, and would pass for a "
-            "drive's answer; switch the adapter's echo off, or set echo: true in the bus' options"
+            f"{where}: the line echoes what is sent, which would be taken for a drive's "
+            "response; switch the adapter's echo off, or set echo: true in the bus' options"
         )
-    if told and not echoes and not silent:
+    if expected and not echoes and not silent:
         raise DriverError(
             f"{where}: echo: true, but nothing that is sent comes back; remove it from the bus' "
             "options"

@@ -5,7 +5,7 @@ The phase of a passive impedance stays within +-90 degrees. That is necessary, n
 greatest |phase|: negative where a user exists who is driven unstable. For rational functions every
 figure comes from roots of polynomials, for others from a refined scan of a stated band.
 
-Phases in degrees within (-180, 180], frequencies in rad/s. Source: Berdahl et al., the second seed.
+Phases in degrees within (-180, 180], frequencies in rad/s. Source: Berdahl, Smith & Niemeyer.
 """
 
 from __future__ import annotations

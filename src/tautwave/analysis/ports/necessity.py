@@ -13,7 +13,8 @@ right of that pole; a sampled law is also met near its Nyquist frequency, by a l
 hand. Each answer is verified: exactly (Routh) for rational K, by the argument principle with a
 delay, by the poles of the exact sampled loop for a sampled law.
 
-Source: the second seed claims necessity without proof; the construction is written here. SI units.
+Source: Berdahl, Smith & Niemeyer claim necessity without proof; the construction is derived here.
+SI units.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def conditions_of(rig: Rig, pair: str, delays: Delays, found: Tuning) -> Iterato
         if math.isinf(one.velocity):
             yield (
                 f"no sample of {name} is lost and the host does not stall; with a velocity_limit "
-                "what that costs at most could be stated"
+                "the energy that this supplies could be bounded"
             )
 
 

@@ -63,7 +63,7 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
         if math.isinf(engaging):
             conditions.append(
                 f"the ends of {pair} are not moved apart while it engages; with velocity limits "
-                "and engage_tolerance what that gives could be stated"
+                "and engage_tolerance the energy that this supplies could be bounded"
             )
         elif engaging > 0.0:
             numbers["engage_j"] = engaging
@@ -133,7 +133,7 @@ def tuning_sentence(rig: Rig, pair: str, found: Tuning) -> str:
         f"{found.short_apart:.4g}."
     )
     if math.isinf(found.short_apart):
-        apart = "of commands that act after a fraction of a period no more is known."
+        apart = "nothing more is proved for commands that act after a fraction of a period."
     at = f", worst at {found.at:.3g} Hz" if math.isfinite(found.needed) else ""
     return (
         f"not passive: sampled, with delays, it would need {needed:.4g} {unit} of each "

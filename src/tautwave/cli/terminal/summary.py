@@ -195,9 +195,9 @@ def _after_run(certificate: Certificate) -> Cell:
     """Return the verdict on a certificate as a run has left it."""
     before = verdict(certificate.passed, certificate.state)
     if certificate.after_run.invalidated:
-        return Cell(f"{before.text}, before the run; not kept in it", BAD)
+        return Cell(f"{before.text}, before the run; invalidated by it", BAD)
     if certificate.after_run.broken_conditions:
-        return Cell(f"{before.text}, on conditions that this run did not keep", NOTE)
+        return Cell(f"{before.text}, on conditions that this run did not meet", NOTE)
     return before
 
 

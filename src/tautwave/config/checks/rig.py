@@ -225,7 +225,7 @@ def _check_stall(document: Document, parts: Parts, path: tuple[str, ...], axis: 
     if axis.causality != "impedance":
         document.report(key, "only for impedance axes; remove it")
     elif axis.velocity_limit is None:
-        document.report(key, "needs velocity_limit, for which the energy is meant; give it")
+        document.report(key, "needs velocity_limit, for which the bound is computed; give it")
     elif part is None:
         document.report(key, "only beside a coupling, and a rig with a scene has none; remove it")
     elif not part.claim and parts.coupling is not None and parts.coupling.account is None:

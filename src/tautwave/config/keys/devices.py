@@ -236,7 +236,7 @@ class Axis(Block):
     mechanical_range: Annotated[tuple[float, float], AfterValidator(_check_range)] | None = Field(
         default=None,
         description="[rad | m] Positions of the device's end stops, which stop it whatever its "
-        "motor does: no effort that is held unseen works further than from one to the other.",
+        "motor does: an effort held without samples does work over their distance at most.",
     )
     stall_energy_j: Literal["auto"] | Positive | None = Field(
         default=None,

@@ -75,10 +75,10 @@ class Rig(Block):
     )
     expect: tuple[Expected, ...] = Field(
         default=(),
-        description="What is meant and no cause for a warning after a run: `at_limit`, an axis is "
-        "at its limit for more than a fifth of the coupled cycles; `position_error`, a pair is "
-        "further apart than its coupling explains; `not_engaged`, an operated rig is engaged for "
-        "less than half of its run.",
+        description="Conditions that are intended and cause no warning after a run: `at_limit`, an "
+        "axis is at its limit for more than a fifth of the coupled cycles; `position_error`, a "
+        "pair is further apart than its coupling explains; `not_engaged`, an operated rig is "
+        "engaged for less than half of its run.",
     )
     seed: int = Field(default=0, description="Seed of all random numbers in a simulated run.")
     buses: Annotated[dict[Name, Bus], Field(min_length=1)] = Field(description="Buses by name.")

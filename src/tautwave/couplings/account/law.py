@@ -21,9 +21,9 @@ GUARDS = {
     own.ACCOUNT_EMPTY: Guard(
         "account_empty",
         "lost its coupling",
-        "its energy account is empty and it let go: of {allowed:.3g} {effort} that its law asks "
-        "for less than a tenth passes, {found:.3g} at best for a second; motion of the hand "
-        "refills it, and law wave holds without any",
+        "its energy account is empty and it let go: less than a tenth of the {allowed:.3g} "
+        "{effort} that its law requests is sent, {found:.3g} at best over a second; motion of "
+        "the hand refills the account, and law wave holds a force without one",
     ),
 }
 

@@ -263,7 +263,7 @@ def _card(origins: Sequence[str], picked: Signals, fps: int, left: LeftOut) -> s
     note = cut if str(left) else ""
     return f"""# Demonstrations recorded with tautwave
 
-Action: what each axis of the slave was asked to be, in the slave's coordinates: (master - offset) x
+Action: the target position of each slave axis, in the slave's coordinates: (master - offset) x
 position_scale x sign, with the offset of that engagement and the live scale; a replay commands it.
 Observation: position, velocity and effort of the slave's axes. `{LEADER}`: the master's axes, in
 its own coordinates. All are of one control cycle: the newest one not after k / {fps} s.{note}

@@ -1,6 +1,6 @@
 """Signals of a dataset: what each is called, its unit, and of which columns of a run it is made.
 
-What a slave was asked to be is in its own coordinates: (master - offset) x position_scale x sign,
+A slave's target is in its own coordinates: (master - offset) x position_scale x sign,
 with the offset of that engagement and the live scale. A row has it as the slave's position plus
 the pair's position error in the slave's units, so no offset has to be recorded beside it.
 """

@@ -196,8 +196,8 @@ def twin_of(run: Run, rig: Rig) -> Rig:
     """
     buses = {}
     for name, bus in rig.buses.items():
-        told = run.result.buses.get(name)
-        delay = None if told is None else told.command_delay
+        found = run.result.buses.get(name)
+        delay = None if found is None else found.command_delay
         waits = 0.0
         if delay is not None:
             waits = delay.periods * rig.period_s * bus.divisor + delay.remainder_s

@@ -44,7 +44,7 @@ def _broken(run: Run, condition: str) -> str:
         if lost or missed:
             return f"{plural(lost, 'sample')} of it and {plural(missed, 'cycle')} were lost"
     met, acted = max((met_rows(run, axis, bits) for axis in axes), default=(0, 0))
-    return f"in {count(met)} of {count(acted)} cycles it was not so" if met else ""
+    return f"it was violated in {count(met)} of {count(acted)} cycles" if met else ""
 
 
 def limited_rows(run: Run, axis: str) -> Bits | None:

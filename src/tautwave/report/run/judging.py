@@ -27,14 +27,14 @@ from tautwave.rig import axis_allowance, coupling_part, pair_scale
 RULES = {
     "spring": "by what its spring holds, from sample to sample",
     "ends": "end by end, by what it claims",
-    "sum": "by all that it gave since the start, for nothing sharper is known of it",
+    "sum": "by the sum of all that it gave since the start, as no tighter rule applies",
 }
 
 
-REMEDY = "It was not passive: lower its stiffness, or have fewer samples lost and fewer stalls."
+REMEDY = "It was not passive: lower its stiffness, or reduce lost samples and stalls."
 """What follows from such a sentence where passivity is required."""
 
-ALLOWED = "What the rig requires, stability with the stated hand, allows that."
+ALLOWED = "The rig requires only stability with the stated hand, which allows that."
 """What follows where it is not."""
 
 
@@ -48,7 +48,7 @@ class Judged(NamedTuple):
     rule : str
         One of `RULES`.
     rise : Rise
-        What it generated beyond what the damping of its devices could have taken.
+        What it generated beyond what the damping of its devices could have dissipated.
     claim : float
         What it may have [J].
     """
@@ -72,10 +72,10 @@ class Judged(NamedTuple):
         claims = f"claims {quantity(self.claim, 'J', 3)}" if self.claim > 0.0 else "claims nothing"
         text = (
             f"{self.name}: it gave {given} more than the damping of its devices, by its lower "
-            f"bounds, could have taken ({taken} in all); it {claims}"
+            f"bounds, could have dissipated ({taken} in all); it {claims}"
         )
         if self.rise.lasting:
-            text += f", and it went on giving in {100.0 * self.rise.share:.0f} % of the seconds"
+            text += f", and it generated energy in {100.0 * self.rise.share:.0f} % of the seconds"
         return f"{text}."
 
     def as_dict(self) -> dict[str, Any]:

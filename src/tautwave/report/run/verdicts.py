@@ -222,12 +222,12 @@ def _certificate(run: Run) -> Verdict:
     lines = (*notes, *_rendered(certificate), *_slow(certificate))
     broken = invalidated(run)
     if broken:
-        head = BROKEN if passed is True else "Not passed before the run; and in it:"
+        head = BROKEN if passed is True else "Not passed before the run; during it:"
         before = (f"Before the run: {line}" for line in _lines(certificate.verdicts))
         return Verdict("Certificate", "bad", (head, *broken, *lines, *before))
     lines = (*lines, *_lines(certificate.verdicts))
     if passed is True:
-        head = "Passed, on conditions that this run did not keep." if unkept else "Passed."
+        head = "Passed, on conditions that this run did not meet." if unkept else "Passed."
         return Verdict("Certificate", certificate.severity, (head, *lines))
     if passed is False:
         return Verdict("Certificate", "bad", ("Not passed.", *lines))

@@ -50,7 +50,7 @@ def warnings_of(run: Run) -> Iterator[Warned]:
             yield Warned(
                 "at_limit",
                 f"{axis} was at its limit in {100.0 * met / acted:.0f} % of the coupled cycles: it "
-                "cannot follow, or show, what is asked of it.",
+                "cannot follow, or render, what is requested of it.",
             )
     for pair in run.pairs:
         yield from _apart(run, pair)

@@ -8,7 +8,7 @@ import { Store } from "./store.js";
 const el = (id) => document.getElementById(id);
 const HEADER = 2; // floats before the rows of a message
 
-// The token comes behind #, which no server is told; it is kept for reloading, out of sight.
+// The token comes behind #, which is not sent to the server; it is kept for reloading, out of sight.
 const token = location.hash.slice(1) || sessionStorage.getItem("token") || "";
 sessionStorage.setItem("token", token);
 history.replaceState(null, "", location.pathname);
