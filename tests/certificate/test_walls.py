@@ -285,5 +285,5 @@ def test_noise_of_the_encoder_is_stated_and_is_not_passive_when_quantised() -> N
         assert not found.passive_quantised.passed
         by_damping = (3.0 * 1e-4) ** 2 / (4.0 * found.numbers["damping_margin"])
         assert found.numbers["noise_w"] == pytest.approx(min(expected * factor, by_damping))
-        assert f"give up to {found.numbers['noise_w']:.3g} W" in found.passive_quantised.reason
+        assert f"generate up to {found.numbers['noise_w']:.3g} W" in found.passive_quantised.reason
         assert found.passive_quantised.reason in found.sentences
