@@ -66,13 +66,15 @@ def loads(rig: Rig) -> dict[str, float]:
     return {name.partition(".")[2]: load for name, load in greatest_loads(rig, "slave").items()}
 
 
-def test_names_decide_in_every_order_of_axes_and_of_the_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("step", [7, pytest.param(1, marks=pytest.mark.slow)])
+def test_names_decide_in_every_order_of_axes_and_of_the_file(tmp_path: Path, step: int) -> None:
     """A base that turns about gravity has no load, a shoulder the most."""
     urdf(tmp_path)
     expected = loads(rig_of(tmp_path, JOINTS, {"urdf": "arm.urdf"}))
     assert expected["pan"] == 0.0
     assert expected["lift"] > expected["bend"] > 0.1
-    for names, order in itertools.product(itertools.permutations(JOINTS), repeat=2):
+    orders = itertools.product(itertools.permutations(JOINTS), repeat=2)
+    for names, order in itertools.islice(orders, 0, None, step):
         urdf(tmp_path, order)
         rig = rig_of(tmp_path, names, {"urdf": "arm.urdf"})
         assert loads(rig) == expected

@@ -19,7 +19,8 @@ from tautwave.errors import ConfigError
 from tautwave.simulation.kernel.pack import pack_rig
 
 SIMULATED = (
-    "bench-1dof-loopback", "bench-2axis-loopback", "bench-admittance-loopback", "network-loopback",
+    "bench-1dof-loopback", "bench-2axis-loopback", "bench-admittance-loopback",
+    pytest.param("network-loopback", marks=pytest.mark.slow),
     "bench-position-coupling", "bench-multirate-loopback", "bench-canopen-virtual",
     "scene-resonator", "scene-granular", "scene-net",
 )  # fmt: skip

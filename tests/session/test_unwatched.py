@@ -60,12 +60,18 @@ def moved(tmp_path: Path, name: str, *keys: str, **more: Any) -> tuple[RunResult
             (f"{SERVO[1]}={{servos: {{1: {{firmware: 37}}}}}}",),
             {"master.lever": "its firmware 37 has no bus watchdog"},
         ),
-        (
+        pytest.param(
             CAN[0],
             (f"{CAN[1]}={{nodes: {{2: {{abort_option: false}}}}}}",),
             {"slave.lever": "has no 6007:00 abort connection option"},
+            marks=pytest.mark.slow,
         ),
-        (MODBUS[0], (DSY,), {"slave.lever": "it has no comm-loss timeout"}),
+        pytest.param(
+            MODBUS[0],
+            (DSY,),
+            {"slave.lever": "it has no comm-loss timeout"},
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_warning_names_whom_no_watchdog_stops_and_nobody_else(
@@ -126,7 +132,10 @@ GONE = {
 }
 
 
-@pytest.mark.parametrize("name", GONE)
+@pytest.mark.parametrize(
+    "name",
+    [SERVO[0], *(pytest.param(name, marks=pytest.mark.slow) for name in (CAN[0], MODBUS[0]))],
+)
 def test_a_device_that_does_not_confirm_to_be_off_ends_the_run_with_5(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:

@@ -164,9 +164,8 @@ class DriverContract:
         watched, unwatched = bench.driver.watchdog_s, bench.driver.unwatched
         assert all(0.0 < seconds < math.inf for seconds in watched.values())
         assert all(unwatched.values())
-        if bench.cut is not None:
-            assert {*watched, *unwatched} == set(bench.names)
-            assert len(watched) + len(unwatched) == len(bench.names)
+        assert {*watched, *unwatched} == set(bench.names)
+        assert len(watched) + len(unwatched) == len(bench.names)
         bench.driver.close()
 
     def test_a_device_off_the_line_stops_when_it_said(self, bench: DriverBench) -> None:
