@@ -6,9 +6,10 @@ import pytest
 
 from tautwave.analysis.claim import Claim
 from tautwave.couplings.wave.claim import claim_of
-from tautwave.rig import claims, command_delays, controller
+from tautwave.laws.ramp import stall_bound
+from tautwave.rig import axis_allowance, claims, command_delays, controller
 from tests.certificate import stalling
-from tests.certificate.rigs import CONFIGS
+from tests.certificate.rigs import CONFIGS, rig
 
 BENCH = CONFIGS / "bench-1dof-2khz.yaml"
 NOISY = CONFIGS / "bench-1dof-2khz-noisy.yaml"
@@ -69,6 +70,29 @@ def test_wall_with_passivity_control_and_port_share_one_bound(speed: float, apar
     claim = stalls(rig)
     found = stalling.stall(rig, claim.gap, speed=speed, apart=apart, dive=0.35)
     assert 0.5 * claim.let_go < found.let_go < claim.let_go
+
+
+def test_ends_of_one_spring_are_not_bounded_apart() -> None:
+    """A law that is passive by its tuning relies on its effort; in an account it does not."""
+    keys = ["loop.overrun_limit=2", "loop.missing_limit=2"]
+    keys += [f"{side}.axes.lever.velocity_limit=30" for side in ("master", "slave")]
+    bounds = []
+    for more in ([], ["coupling.account={}"]):
+        one = rig(*keys, *more, name="bench-position-coupling")
+        bounds.append(claims.stall_of(one, "master.lever", command_delays(one)["master.lever"]))
+    assert bounds[0] is None
+    assert bounds[1] is not None
+
+
+def test_what_a_load_gets_beside_the_bound_is_claimed_too() -> None:
+    keys = ["master.axes.lever.stall_energy_j=0.03", "master.axes.lever.load={constant: 0.2}"]
+    loaded = rig(*keys, name="bench-1dof-2khz")
+    delay = command_delays(loaded)["master.lever"]
+    stall = claims.stall_of(loaded, "master.lever", delay)
+    assert stall is not None
+    bound = stall_bound(stall, 0.0)
+    assert 0.0 < bound < axis_allowance(loaded, "master.lever", delay).shared_effort
+    assert stalls(loaded).effort == pytest.approx(bound + 1.1 * 0.2)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import math
 import pytest
 
 from tautwave.certificate import certify
+from tautwave.certificate.walls import wall_claims
 from tautwave.config import simulation_of
 from tests.certificate.rigs import NO_QUANTUM, PAIR, certified, element, friction_of, rig, wall
 
@@ -91,6 +92,12 @@ def test_wall_and_port_share_the_damping() -> None:
 
 
 @pytest.mark.slow
+def test_what_a_wall_may_owe_is_known_without_command_delay_only() -> None:
+    """What makes it pay is exact for efforts that act at once."""
+    assert set(wall_claims(rig())) == {"master.lever", "slave.lever"}
+    assert wall_claims(rig(LATE)) == {}
+
+
 def test_passivity_control_stands_in_for_damping() -> None:
     control, free = "passivity_control: true", "slave.axes.lever.effort_rate_limit="
     limited = element(certified(wall(40.0, 0.0, control)), "slave wall").passive

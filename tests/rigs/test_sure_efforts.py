@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tautwave.laws.ramp import stall_ceiling
@@ -23,6 +23,8 @@ def axis(request):
 
 @given(st.floats(-15.0, 15.0), st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=8),
        st.integers(1, 31), st.sampled_from([-1.0, 1.0]))  # fmt: skip
+@example(-15.0, [1.0] * 8, 20, 1.0)
+@example(15.0, [-1.0] * 8, 20, -1.0)
 def test_below_it_the_bound_does_not_bind(
     axis, velocity: float, shares: list[float], slots: int, side: float
 ) -> None:

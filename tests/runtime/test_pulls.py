@@ -64,6 +64,33 @@ def test_what_is_sent_at_rest_has_the_limits_of_the_axis() -> None:
     assert s.total == p.ceiling == -s.command
 
 
+def test_a_device_in_fault_is_sent_nothing_at_rest_and_at_once() -> None:
+    """Whatever holds or aligns it: not even what the rate limit would leave of the last effort."""
+    control: Any = build_rig(bench("slave.axes.lever.effort_rate_limit=50"), clock="fake").control
+    s, p = control.axes[1], control.params[1]
+    for pushes in (False, True):
+        s.dead = False
+        for _ in range(9):
+            send_resting(s, p, 9.0, p.ceiling, pushes=True)
+        assert s.total > 0.4
+        s.dead = True
+        send_resting(s, p, 9.0, p.ceiling, pushes=pushes)
+        assert (s.total, s.port_effort, s.command) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("pushes", [False, True])
+def test_a_push_that_ends_unseen_has_gone_its_way_only_since(pushes: bool) -> None:
+    """The rate limit counts skipped slots of a ramp to 0, not those in which a push rose."""
+    control: Any = build_rig(bench("slave.axes.lever.effort_rate_limit=50"), clock="fake").control
+    s, p = control.axes[1], control.params[1]
+    s.total, s.valid, s.count, s.ramped = 0.9, False, 6, 5
+    send_resting(s, p, 0.95, p.ceiling, pushes=pushes)
+    assert s.total == pytest.approx(0.95)
+    s.count = 7
+    send_resting(s, p, 0.0, p.ceiling, pushes=pushes)
+    assert s.total == pytest.approx(0.9)
+
+
 def test_nothing_is_looked_at_before_every_axis_has_been_measured() -> None:
     control: Any = operate(bench(STILL, *NEAR), "", 0.01).control
     control._obey(Order(st.ENGAGE, "", "key"))

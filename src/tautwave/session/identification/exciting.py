@@ -313,7 +313,8 @@ def excite(rig: Rig, assembly: Assembly, movers: Mapping[str, Mover]) -> Assembl
         make = bare_site if rig.scene is not None else site_params
         site = make(rig, name, delays[name])
         spring = movers[name].spring if name in movers else ShakenParams(0.0, 0.0)
-        site = site._replace(has_wall=False)
+        # No spring's ends are to be clipped alike: each motor may use all that it has.
+        site = site._replace(has_wall=False, clip=math.inf)
         blind = rig.loop.missing_limit
         params.append(controlled_axis(rig, name, delays[name], site, at, end=spring, blind=blind))
         at += PIPE * delays[name].periods
