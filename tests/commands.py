@@ -65,15 +65,20 @@ def child_of(pid: int, word: str) -> int | None:
     return None
 
 
-END_STOPS = tuple(f"{side}.axes.lever.mechanical_range=[-2.5, 2.5]" for side in ("master", "slave"))
-"""What an effort that is held through any stall may do: a rig that waits for long needs them."""
+def end_stops(*axes: str) -> tuple[str, ...]:
+    """What an effort that is held through any stall may do: a rig that waits for long needs it."""
+    sides = ("master", "slave")
+    return tuple(f"{side}.axes.{it}.mechanical_range=[-2.5, 2.5]" for side in sides for it in axes)
 
-PATIENT = (
-    *("--set", "loop.missing_limit=10000", "--set", "loop.overrun_limit=10000"),
-    *(word for key in END_STOPS for word in ("--set", key)),
-)
-"""For runs on the real clock: what a busy machine does beside them is not what is tested."""
 
+def patient(*axes: str, slots: int = 10000) -> tuple[str, ...]:
+    """For runs on the real clock: what a busy machine does beside them is not what is tested."""
+    keys = (f"loop.missing_limit={slots}", f"loop.overrun_limit={slots}", *end_stops(*axes))
+    return tuple(word for key in keys for word in ("--set", key))
+
+
+END_STOPS = end_stops("lever")
+PATIENT = patient("lever")
 
 AT_200_HZ = ("--set", "rate_hz=200", "--set", "coupling.pairs.lever.wave_filter_hz=12")
 """Changes of `bench-canopen-vcan`: a guest kernel may take the 2 ms of a period for one cycle."""

@@ -20,7 +20,7 @@ from tautwave.registry import load_driver
 from tautwave.rig import Assembly
 from tautwave.session.checking import bus_budgets, over_budget
 from tautwave_drivers.modbus.driver import ModbusDriver
-from tests.commands import PATIENT, assert_ran_to_its_end
+from tests.commands import assert_ran_to_its_end, patient
 from tests.rigs.running import Run, Tree, books, rig_of, run_rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -228,14 +228,15 @@ def test_the_shipped_rigs_run_on_the_real_clock(path: Path, tmp_path: Path) -> N
     start = "from tautwave.cli import main; main()"
     out = tmp_path / "run"
     words = [sys.executable, "-c", start, "run", str(path), "--duration", "4", "--out", str(out)]
-    words += PATIENT
-    patient = {
+    rig = yaml.safe_load(path.read_text())
+    words += patient(*rig["master"]["axes"], slots=1000 if path == THREE else 10000)
+    late = {
         "canopen": ["heartbeat_timeout_ms=5000"],
         "dynamixel": ["watchdog_s=2.5"],
         "modbus": ["silence_s=5", "comm_timeout_s=5"],
     }
-    for bus, block in yaml.safe_load(path.read_text())["buses"].items():
-        for option in patient.get(block["driver"], []):
+    for bus, block in rig["buses"].items():
+        for option in late.get(block["driver"], []):
             words += ["--set", f"buses.{bus}.options.{option}"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
     reported = assert_ran_to_its_end(done.returncode, out, done.stdout + done.stderr)
