@@ -7,7 +7,7 @@ one rig beside hardware: a recorded master leads a real slave.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -33,7 +33,10 @@ class ReplayDevice(BaseModel):
     """Heading of the column with the position."""
 
     time_column: str = "time_s"
-    """Heading of the column with the time [s]."""
+    """Heading of the column with the time."""
+
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    """Unit of the time column; default: seconds, and a file that has others is refused."""
 
     scale: float = 1.0
     """[rad | m per unit of the file]"""

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.models.reference import minimum_jerk, minimum_jerk_position, ramp_gain, sine_position
-from tautwave.recordings.columns import MEND, read_columns
+from tautwave.recordings.columns import MEND, UNSTATED, read_columns
+from tautwave.recordings.stated import Stated
 
 Array = npt.NDArray[np.float64]
 
@@ -81,8 +82,9 @@ def _sampled(
     if kind == "recording":
         path = base_directory / str(reference["file"])
         recorded, (values,) = _played(
-            path, [str(reference["column"])], str(reference.get("time_column", "time_s"))
-        )
+            path, [str(reference["column"])], str(reference.get("time_column", "time_s")),
+            Stated(reference.get("time_unit")),
+        )  # fmt: skip
         scaled = values * float(reference.get("scale", 1.0)) + float(reference.get("offset", 0.0))
         return recorded_positions(recorded, scaled, times, bool(reference.get("repeat", True)))
     if kind == "intent":
@@ -96,7 +98,8 @@ def _sampled(
 def _intended(path: Path, reference: Mapping[str, Any], times: Array) -> Array:
     """What a recorded hand wanted, at new times, with the `grip` (mass, damping, stiffness)."""
     names = [str(reference[key]) for key in ("position", "effort")]
-    recorded, columns = _played(path, names, str(reference.get("time_column", "time_s")))
+    clock = str(reference.get("time_column", "time_s"))
+    recorded, columns = _played(path, names, clock, Stated(reference.get("time_unit")))
     grid = np.linspace(recorded[0], recorded[-1], len(recorded))
     position, effort = (np.interp(grid, recorded, values) for values in columns)
     effort = effort * float(reference.get("effort_scale", 1.0))
@@ -110,7 +113,9 @@ def _intended(path: Path, reference: Mapping[str, Any], times: Array) -> Array:
     return recorded_positions(grid, wanted, times, bool(reference.get("repeat", True)))
 
 
-def _played(path: Path, names: Sequence[str], time_column: str) -> tuple[Array, list[Array]]:
+def _played(
+    path: Path, names: Sequence[str], time_column: str, stated: Stated
+) -> tuple[Array, list[Array]]:
     """Return times and columns of a recording without gaps, over which a motion would be made up.
 
     Raises
@@ -118,7 +123,7 @@ def _played(path: Path, names: Sequence[str], time_column: str) -> tuple[Array, 
     ConfigError
         It cannot be read, or has a gap.
     """
-    read = read_columns(path, names, time_column)
+    read = read_columns(path, names, time_column, stated=stated)
     times = read[time_column]
     steps = np.diff(times)
     at = int(np.argmax(steps))
@@ -182,10 +187,16 @@ def wanted_motion(
 
 
 def recorded_efforts(
-    path: Path, column: str, time_column: str, times: Array, *, repeat: bool
+    path: Path,
+    column: str,
+    time_column: str,
+    times: Array,
+    *,
+    repeat: bool,
+    stated: Stated = UNSTATED,
 ) -> Array:
     """Efforts of a recording at new times; without `repeat` none after its end."""
-    recorded, (values,) = _played(path, [column], time_column)
+    recorded, (values,) = _played(path, [column], time_column, stated)
     found = recorded_positions(recorded, values, times, repeat)
     if not repeat:
         found[times > recorded[-1] - recorded[0]] = 0.0

@@ -90,6 +90,7 @@ class Imposed(NamedTuple):
     scale: float = 1.0
     offset: float = 0.0
     repeat: bool = True
+    time_unit: str | None = None
 
 
 class Choice(NamedTuple):

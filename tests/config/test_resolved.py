@@ -48,7 +48,7 @@ def test_a_recorded_network_loads_back(tmp_path: Path) -> None:
 
 
 def test_recording_keeps_its_place(tmp_path: Path) -> None:
-    (tmp_path / "hand.csv").write_text("time_s,x\n0,0.1\n1,0\n")
+    (tmp_path / "hand.csv").write_text("time_s,x\n0,0.1\n0.1,0\n")
     override = "simulation.hand.wrist.reference={type: recording, file: hand.csv, column: x}"
     rig = parse_rig(BENCH, tmp_path / "rig.yaml", [override])
     assert parse_rig(resolved_yaml(rig), "elsewhere/rig.yaml") == rig

@@ -40,7 +40,7 @@ def write(path: Path, columns: Mapping[str, object]) -> Path:
 
 NAMES = ("time_s", "arm_position_m", "contact_force_n")
 STILL = {"time_s": np.arange(5000) * 1e-3, "position": np.zeros(5000), "force": np.zeros(5000)}
-SHORT = {"time_s": [0, 1, 2], "position": [0, 1, 2], "force": [0, 1, 2]}
+SHORT = {"time_s": [0, 0.1, 0.2], "position": [0, 1, 2], "force": [0, 1, 2]}
 
 
 def contact_csv(path: Path, kind: str = "contact", names: tuple[str, str, str] = NAMES) -> Path:

@@ -146,7 +146,7 @@ def test_recordings_of_other_programs_are_hands_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("time_s,master_position_rad,slave_position_rad\n0,0,0\n1.4,1,1\n", "a hand needs 1.5 s"),
+        ("time_s,master_position_rad,slave_position_rad\n0,0,0\n0.1,1,1\n", "a hand needs 1.5 s"),
         ("time_s,x\n0,1\n", "there is no one column for the master's lever"),
         ("time_s,master_angle,master_position,slave_angle\n0,1,1,1\n", "no one column for the mas"),
         ("time_s,master_angle,slave_angle\n0,1,\n1,2,2\n", "holds '', not a finite number"),

@@ -19,6 +19,7 @@ from tautwave.cli.options import (
     positive,
     set_option,
     simulate_option,
+    time_unit_option,
 )
 from tautwave.errors import ConfigError
 from tautwave.kinds import RECORDING, RIG, RUN, TABLE
@@ -32,7 +33,7 @@ _RIG_ONLY = (
     *("overrides", "allow_uncertified", "simulate", "attach"),
 )
 _LEVER = ("position", "effort", "time", "filter_hz", "begin_s", "end_s")
-_RECORDING_ONLY = (*_LEVER, "lever", "outside", "model", "intent")
+_RECORDING_ONLY = (*_LEVER, "time_unit", "lever", "outside", "model", "intent")
 _NOT_NOISE = (
     *("load", "lever", "share", "reach"),
     *("effort", "outside", "model", "intent", "filter_hz"),
@@ -110,7 +111,8 @@ _NOT_NOISE = (
 @click.option(
     "--effort", metavar="COLUMN", help="RECORDING: column of the external effort, either sign."
 )
-@click.option("--time", metavar="COLUMN", help="RECORDING: column of the time [s].")
+@click.option("--time", metavar="COLUMN", help="RECORDING: column of the time.")
+@time_unit_option("RECORDING")
 @click.option(
     "--model",
     type=click.Choice(MODELS),
@@ -190,6 +192,12 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
         _recording(source, options)
 
 
+def _stated(options: Mapping[str, Any]) -> Any:
+    from tautwave.recordings.stated import Stated
+
+    return Stated(options["time_unit"])
+
+
 def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
     from tautwave.cli.run import fresh_directory
     from tautwave.cli.terminal.moving import moved
@@ -208,7 +216,8 @@ def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
             result = identify_still(loaded, axis=axis, **given)
     else:
         names = ("position", "time", "begin_s", "end_s")
-        result = identify_noise(source, axis=axis, **{name: options[name] for name in names})
+        named = {name: options[name] for name in names}
+        result = identify_noise(source, axis=axis, stated=_stated(options), **named)
         directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
     save_result(result.as_dict(), directory)
     rotary = result.series.rotary
@@ -258,7 +267,9 @@ def _lever(source: Path, options: Mapping[str, Any]) -> None:
     from tautwave.session.identification.recorded import save_result
 
     result = identify_lever(
-        source, **{name: options[name] for name in (*_LEVER, "axis", "outside")}
+        source,
+        stated=_stated(options),
+        **{name: options[name] for name in (*_LEVER, "axis", "outside")},
     )
     directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
     save_result(result.as_dict(), directory)
@@ -281,6 +292,7 @@ def _recording(source: Path, options: Mapping[str, Any]) -> None:
 
     result = identify_recording(
         source,
+        stated=_stated(options),
         **{name: options[name] for name in ("axis", *_LEVER, "model", "intent")},
     )
     directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")

@@ -117,6 +117,15 @@ simulate_option = click.option(
 )
 
 
+def time_unit_option(for_what: str) -> Callable[[Any], Any]:
+    """`--time-unit`, for the files of one option or argument."""
+    return click.option(
+        "--time-unit",
+        type=click.Choice(("s", "ms", "us", "ns")),
+        help=f"{for_what}: unit of the time column; default: told from its name and values.",
+    )
+
+
 def clock_option(text: str = "As for run.") -> Callable[[Any], Any]:
     """`--clock` with its own help text."""
     return click.option(

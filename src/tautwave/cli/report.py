@@ -8,7 +8,15 @@ from typing import Any
 
 import click
 
-from tautwave.cli.options import PATH, Number, echo_json, of_kind, positive, run_argument
+from tautwave.cli.options import (
+    PATH,
+    Number,
+    echo_json,
+    of_kind,
+    positive,
+    run_argument,
+    time_unit_option,
+)
 from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN, TABLE
 
@@ -55,7 +63,8 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     help="--against: the file's column for one of the run's; it may have a sign or factor "
     "(slave.lever.commanded=-tau). Default: match by name.",
 )
-@click.option("--time", metavar="COLUMN", help="--against: the file's column of the time [s].")
+@click.option("--time", metavar="COLUMN", help="--against: the file's column of the time.")
+@time_unit_option("--against")
 @click.option(
     "--from",
     "begin_s",
@@ -101,6 +110,7 @@ def report(
     against: Path | None,
     mapped: tuple[str, ...],
     time: str | None,
+    time_unit: str | None,
     begin_s: float | None,
     end_s: float | None,
 ) -> None:
@@ -118,11 +128,14 @@ def report(
     for run in (directory, other):
         if run is not None and not run.is_dir():
             raise RecordingError(f"{run}: no such directory; give the --out of a run")
-    only = {"--map": mapped, "--time": time, "--from": begin_s, "--to": end_s}
+    only: dict[str, Any] = {"--map": mapped, "--time": time, "--time-unit": time_unit}
+    only |= {"--from": begin_s, "--to": end_s}
     if against is not None:
         if other is not None or kind is not None:
             raise click.UsageError("--against compares one run with one file; give no other run.")
-        part = {"time": time, "begin_s": begin_s, "end_s": end_s}
+        from tautwave.recordings.stated import Stated
+
+        part = {"time": time, "begin_s": begin_s, "end_s": end_s, "stated": Stated(time_unit)}
         _against(directory, against, mapped, out, part)
         return
     for name, value in only.items():
@@ -166,7 +179,8 @@ def _against(
     if not recording_file(file).is_file():
         raise RecordingError(f"{file}: no such recording")
     run = load_run(directory)
-    found = compare_recording(run, file, mapped, **part)
+    notes: list[str] = []
+    found = compare_recording(run, file, mapped, notes=notes, **part)
     folder = out or directory / f"against-{file.resolve().stem}"
     make_directory(folder)
     written = folder / "against.json"
@@ -194,6 +208,7 @@ def _against(
         [
             Section(f"{title}, {first:.3g} to {last:.3g} s", (), ()),
             Section("", heads, rows),
+            *([Section("Notes", ("",), [(note,) for note in notes])] if notes else []),
             Section("Files", ("",), [(str(written),), (str(picture),)]),
         ]
     )

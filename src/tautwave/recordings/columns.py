@@ -6,7 +6,6 @@ import csv
 import importlib
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
@@ -16,6 +15,8 @@ from numpy.typing import NDArray
 
 from tautwave.errors import ConfigError
 from tautwave.recordings import RUN
+from tautwave.recordings.stated import Stated
+from tautwave.recordings.times import in_seconds
 
 Array = NDArray[np.float64]
 
@@ -23,14 +24,8 @@ MEND = "fill the gap or cut the recording there"
 GREATEST = 1e50
 """Of a number in a recording: far beyond all that is measured, and its square is a number."""
 
+UNSTATED = Stated()
 SEPARATORS = (",", ";", "\t")
-LONGEST_STEP_S = 50.0
-"""[s] Typical step between the rows of a recording; ROS logs count nanoseconds."""
-LATEST_S = 1e11
-"""[s] Of a clock, 3000 years after 1970."""
-FINER = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
-_TIMES = ("time_s", "time", "t", "timestamp_s", "t_s", "time_sec", "seconds")
-_FINER = re.compile(r"(^|[^a-z])(ms|us|ns|msec|usec|millis|micros|nanos)$")
 
 
 def recording_file(path: Path) -> Path:
@@ -60,23 +55,29 @@ def column_names(path: Path) -> list[str]:
         raise ConfigError(f"{path}: cannot be read as CSV text: {err}") from err
 
 
-def time_columns(names: Sequence[str]) -> list[str]:
-    """Return which of the columns are named as times in seconds: `t`, `Time [s]`, `log.t`."""
-    if "time_s" in names:
-        return ["time_s"]
-    return [name for name in names if _plain(name.rpartition(".")[2]) in _TIMES]
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
-
-
 def read_columns(
-    path: Path, names: Sequence[str], time_column: str, *, holes: bool = False
+    path: Path,
+    names: Sequence[str],
+    time_column: str,
+    *,
+    stated: Stated = UNSTATED,
+    holes: bool = False,
+    notes: list[str] | None = None,
 ) -> dict[str, Array]:
     """Read some columns of a recording and its times [s], which increase, by their names.
 
-    With `holes` values may be missing, and are NaN then; times never.
+    Parameters
+    ----------
+    path : Path
+        A file, or a run's directory.
+    names, time_column : str
+        Of the columns.
+    stated : Stated
+        What the file does not say itself.
+    holes : bool
+        Values may be missing, and are NaN then; times never.
+    notes : list of str, optional
+        Gets a sentence where times were not in seconds; without it their unit has to be stated.
 
     Raises
     ------
@@ -84,10 +85,6 @@ def read_columns(
         Its message names the file and its columns, or the first value that is wrong.
     """
     path = recording_file(path)
-    if _FINER.search(_plain(time_column)):
-        raise ConfigError(
-            f"{path}: {time_column!r} is, by its name, not in seconds; times must be in seconds"
-        )
     wanted = list(dict.fromkeys([time_column, *names]))
     if path.suffix.lower() == ".mcap":
         from tautwave.recordings.recording import read_recording
@@ -97,14 +94,17 @@ def read_columns(
     elif path.suffix.lower() == ".mat":
         found = _of(path, _mat(path), wanted)
     else:
-        return _csv(path, wanted, holes)
+        found = _csv(path, wanted, holes)
     _check(path, found, time_column, holes)
+    found[time_column] = in_seconds(path, time_column, found[time_column], stated.time_unit, notes)
     return found
 
 
-def read_column(path: Path, column: str, time_column: str) -> tuple[Array, Array]:
+def read_column(
+    path: Path, column: str, time_column: str, stated: Stated = UNSTATED
+) -> tuple[Array, Array]:
     """Read times [s] and the values of one column, as `read_columns` does."""
-    found = read_columns(path, [column], time_column)
+    found = read_columns(path, [column], time_column, stated=stated)
     return found[time_column], found[column]
 
 
@@ -140,23 +140,8 @@ def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool
         at = int(np.argmax(steps <= 0.0))
         raise ConfigError(
             f"{path}: row {at + 2}: time must increase, "
-            f"but {times[at + 1]:.12g} s follows {times[at]:.12g} s"
+            f"but {times[at + 1]:.12g} follows {times[at]:.12g}"
         )
-    _check_unit(path, time_column, times)
-
-
-def _check_unit(path: Path, time_column: str, times: Array) -> None:
-    """Refuse times that are no seconds by their step, or by the date that they would be."""
-    step = float(np.median(np.diff(times)))
-    if step <= LONGEST_STEP_S and abs(float(times[0])) <= LATEST_S:
-        return
-    # The coarsest unit in which there are ten rows a second, at a date of these times.
-    begin = abs(float(times[0]))
-    factor = next((f for f in FINER if step * f <= 0.1 and begin * f <= LATEST_S), 1e-9)
-    raise ConfigError(
-        f"{path}: {time_column!r} begins at {times[0]:.6g} with steps of {step:.6g}, so it is not "
-        f"in seconds but perhaps in {FINER[factor]}; multiply it by {factor:g}"
-    )
 
 
 def _wrong(number: float | None) -> str:
@@ -262,13 +247,11 @@ def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
                 if rows_read and not numbers[0] > rows_read[-1][0]:
                     raise ConfigError(
                         f"{path}:{before + rows.line_num}: time must increase, "
-                        f"but {numbers[0]:.12g} s follows {rows_read[-1][0]:.12g} s"
+                        f"but {numbers[0]:.12g} follows {rows_read[-1][0]:.12g}"
                     )
                 rows_read.append(numbers)
     except (OSError, UnicodeDecodeError, csv.Error) as err:
         raise ConfigError(f"{path}: the recording cannot be read: {err}") from err
     if len(rows_read) < 2:
         raise ConfigError(f"{path}: a recording needs at least two rows, it has {len(rows_read)}")
-    found = dict(zip(wanted, np.array(rows_read).T.copy(), strict=True))
-    _check_unit(path, wanted[0], found[wanted[0]])
-    return found
+    return dict(zip(wanted, np.array(rows_read).T.copy(), strict=True))

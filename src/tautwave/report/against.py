@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from tautwave.errors import ConfigError
 from tautwave.motion import longest_step, resample
-from tautwave.recordings.columns import column_names, read_columns, time_columns
+from tautwave.recordings.columns import UNSTATED, column_names, read_columns
+from tautwave.recordings.stated import Stated
+from tautwave.recordings.times import time_columns
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
 
@@ -138,11 +140,14 @@ def compare_recording(
     time: str | None = None,
     begin_s: float | None = None,
     end_s: float | None = None,
+    stated: Stated = UNSTATED,
+    notes: list[str] | None = None,
 ) -> list[Compared]:
     """Return the quantities that a run and a recording have in common, on the times of the run.
 
     The run's time 0 is the recording's first row, as a replay has it; gaps in it are left out. Of
-    a pair whose positions are both there, the position error is one of the quantities.
+    a pair whose positions are both there, the position error is one of the quantities. `stated` is
+    what the file does not say itself; `notes` gets a sentence on times that are no seconds.
 
     Raises
     ------
@@ -151,7 +156,9 @@ def compare_recording(
     """
     columns = mapped_columns(run, file, given)
     clock = time or next(iter(time_columns(column_names(file))), "time_s")
-    read = read_columns(file, [name for name, _ in columns.values()], clock, holes=True)
+    read = read_columns(
+        file, [name for name, _ in columns.values()], clock, stated=stated, holes=True, notes=notes
+    )
     good = np.all([np.isfinite(values) for values in read.values()], axis=0)
     if np.count_nonzero(good) < 2:
         raise ConfigError(

@@ -36,6 +36,7 @@ from tautwave.models.plant_params import PlantParams
 from tautwave.models.sensors.effort import SensorParams, sensor_keep
 from tautwave.models.servo import ServoParams
 from tautwave.motion import recorded_efforts, reference_positions
+from tautwave.recordings.stated import stated_in
 from tautwave.rig.arms import arm_chain, load_params
 from tautwave.rig.integration import Integrated, integrated
 from tautwave.runtime.operate.lead import Lead
@@ -247,8 +248,9 @@ def recorded_push(rig: Rig, axis_name: str, keys: Recorded, cycles: int) -> Sequ
     period = rig.axis_period_s(axis_name)
     slots = np.arange(cycles // rig.axis_divisor(axis_name) + 2, dtype=np.float64)
     efforts = recorded_efforts(
-        Path(keys.file), keys.effort, keys.time_column, slots * period, repeat=keys.repeat
-    )
+        Path(keys.file), keys.effort, keys.time_column, slots * period,
+        repeat=keys.repeat, stated=stated_in(keys),
+    )  # fmt: skip
     return array("d", (keys.scale * efforts + keys.offset).tobytes())
 
 

@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.motion import recorded_positions
-from tautwave.recordings.columns import column_names, read_columns, time_columns
+from tautwave.recordings.columns import column_names, read_columns
+from tautwave.recordings.times import time_columns
 
 Float = npt.NDArray[np.float64]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tautwave.config.keys.coupling import Pair
 from tautwave.config.keys.simulation import Hand, Intent, Recorded, Recording, Simulation
+from tautwave.recordings.stated import stated_in
 from tautwave.types import Imposed
 
 
@@ -23,20 +24,19 @@ def recorded_starts(
         A recording cannot be read.
     """
     starts = {
-        name: _first(one.file, one.position, one.time_column) * one.scale + one.offset
-        for name, one in motions.items()
+        name: _first(one, one.position) * one.scale + one.offset for name, one in motions.items()
     }
     for name, hand in simulation.hand.items():
         reference = hand.reference if isinstance(hand, Hand) else None
         if isinstance(reference, Recording):
-            first = _first(reference.file, reference.column, reference.time_column)
+            first = _first(reference, reference.column)
             starts.setdefault(f"master.{name}", first * reference.scale + reference.offset)
         elif isinstance(reference, Intent):
-            first = _first(reference.file, reference.position, reference.time_column)
+            first = _first(reference, reference.position)
             starts.setdefault(f"master.{name}", first)
     for name, keys in simulation.environment.items():
         if isinstance(keys, Recorded) and keys.position is not None:
-            first = _first(keys.file, keys.position, keys.time_column)
+            first = _first(keys, keys.position)
             starts.setdefault(f"slave.{name}", first)
     for name, pair in pairs.items():
         gain = pair.sign * pair.position_scale
@@ -49,8 +49,8 @@ def recorded_starts(
     return starts
 
 
-def _first(file: str, column: str, time_column: str) -> float:
+def _first(keys: Imposed | Recording | Intent | Recorded, column: str) -> float:
     from tautwave.recordings.columns import read_column  # not to import NumPy for every rig
 
-    _, values = read_column(Path(file), column, time_column)
+    _, values = read_column(Path(keys.file), column, keys.time_column, stated_in(keys))
     return float(values[0])

@@ -118,6 +118,10 @@ FILE = (
 )
 
 
+TimeUnit = Literal["s", "ms", "us", "ns"]
+TIME_UNIT = "Unit of the time column; default: seconds, and a file that has others is refused."
+
+
 class Recording(Block):
     """A column of a recording, resampled from its own rate."""
 
@@ -125,6 +129,7 @@ class Recording(Block):
     file: Annotated[str, Field(min_length=1)] = Field(description=FILE)
     column: str = Field(description="Name of the column with the position.")
     time_column: str = Field(default="time_s", description="Name of the column with the time.")
+    time_unit: TimeUnit | None = Field(default=None, description=TIME_UNIT)
     scale: float = Field(default=1.0, description="[rad | m per unit of the file]")
     offset: float = Field(default=0.0, description="[rad | m] Added after scaling.")
     repeat: bool = Field(default=True, description="Repeat it; otherwise hold its last value.")
@@ -140,6 +145,7 @@ class Intent(Block):
         description="Name of the column with the effort of the hand on the device [N m | N]."
     )
     time_column: str = Field(default="time_s", description="Name of the column with the time.")
+    time_unit: TimeUnit | None = Field(default=None, description=TIME_UNIT)
     effort_scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
     effort_offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
     filter_hz: Positive = Field(
@@ -255,6 +261,7 @@ class Recorded(Block):
         description="Name of the column with the device's position, for the start position.",
     )
     time_column: str = Field(default="time_s", description="Name of the column with the time.")
+    time_unit: TimeUnit | None = Field(default=None, description=TIME_UNIT)
     scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
     offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
     repeat: bool = Field(

@@ -83,17 +83,38 @@ class DeviceResult(NamedTuple):
                 "reach": self.plan.reach,
                 "highest_hz": self.plan.highest_hz,
             },
-            "beliefs": beliefs(fit),
-            "snippet": device_snippet(self.axis, fit),
+            "beliefs": {} if self.implausible else beliefs(fit),
+            "snippet": self.snippet,
             "notes": self.notes,
             "interrupted": self.interrupted,
             "directory": str(self.directory),
         }
 
+    @property
+    def snippet(self) -> str:
+        """Lines for the axis in the rig file."""
+        if self.implausible:
+            return f"# {self.axis}: nothing here is to be believed, see the notes"
+        return device_snippet(self.axis, self.fit)
+
+    @property
+    def implausible(self) -> list[str]:
+        """A sentence for each number that is outside physics."""
+        from tautwave.analysis.identification.plausible import implausible
+
+        return implausible(device_numbers(self.fit), self.kind == "rotary")
+
 
 def interval(estimate: Estimate) -> dict[str, float]:
     """An estimate for JSON."""
     return estimate._asdict()
+
+
+def device_numbers(fit: DeviceFit) -> dict[str, float]:
+    """Return what a fit says of a device and its motion, by the names of their bounds [SI]."""
+    names = ("inertia", "damping", "coulomb", "bias")
+    found = {name: float(getattr(fit, name).value) for name in names}
+    return found | {"peak_velocity": fit.peak_velocity}
 
 
 def beliefs(fit: DeviceFit) -> dict[str, dict[str, Any]]:
@@ -223,10 +244,10 @@ def identify_device(
         progress(1.0, "fitting")
     with run.heard.raised():
         fit = fit_recorded(out / "recording.mcap", name, run.rig, run.delay, plan.highest_hz)
-    notes = [*run.notes, *_doubts(fit, plan)]
     found = DeviceResult(
-        name, rig.axes[name].kind, fit, plan, run.seconds, notes, out, run.interrupted
+        name, rig.axes[name].kind, fit, plan, run.seconds, [], out, run.interrupted
     )
+    found = found._replace(notes=[*run.notes, *found.implausible, *_doubts(fit, plan)])
     text = json.dumps(found.as_dict(), indent=2, ensure_ascii=False)
     write_text(out / "identification.json", text + "\n")
     return found

@@ -10,9 +10,12 @@ import numpy as np
 
 from tautwave.analysis.identification.device_model import DeviceFit, fit_device
 from tautwave.analysis.identification.moving_encoder import moving_noise, moving_step
+from tautwave.analysis.identification.plausible import implausible
 from tautwave.analysis.identification.regression import Estimate
 from tautwave.errors import RecordingError
-from tautwave.session.identification.identifying import device_snippet
+from tautwave.recordings.columns import UNSTATED
+from tautwave.recordings.stated import Stated
+from tautwave.session.identification.identifying import device_numbers, device_snippet
 from tautwave.session.identification.recorded_columns import (
     Series,
     changing,
@@ -89,6 +92,8 @@ class LeverResult(NamedTuple):
     @property
     def snippet(self) -> str:
         """Lines for the axis in the rig file."""
+        if self.implausible:
+            return f"# {self.series.position_name}: nothing here is to be believed, see the notes"
         noise = f"position_noise: {self.noise.value:.3g}"
         step = [f"encoder_quantum: {self.quantum:.5g}"] if self.quantum > 0.0 else []
         sensor, offset = [], self.sensor_offset
@@ -96,6 +101,16 @@ class LeverResult(NamedTuple):
             scale = 1.0 / self.fit.outside.value
             sensor = [f"effort_sensor: {{offset: {offset.value:.3g}, scale: {scale:.3g}}}"]
         return "\n".join([*self._device, *step, noise, *sensor])
+
+    @property
+    def implausible(self) -> list[str]:
+        """A sentence for each number that is outside physics."""
+        series = self.series
+        moved = float(np.ptp(series.position[series.known]))
+        values = device_numbers(self.fit) | {
+            "position": moved, "position_noise": self.noise.value,
+        }  # fmt: skip
+        return implausible(values, series.rotary)
 
     @property
     def _device(self) -> list[str]:
@@ -117,6 +132,7 @@ def identify_lever(
     filter_hz: float | None = None,
     begin_s: float | None = None,
     end_s: float | None = None,
+    stated: Stated = UNSTATED,
 ) -> LeverResult:
     """Fit inertia, friction and encoder of a lever that its motor moved.
 
@@ -133,6 +149,8 @@ def identify_lever(
         Cut-off of the filter on all signals [Hz]; default 20, at most rate / 25.
     begin_s, end_s : float, optional
         Part of the recording [s on its own clock].
+    stated : Stated
+        What the file does not say itself.
 
     Raises
     ------
@@ -141,10 +159,10 @@ def identify_lever(
     """
     part = (begin_s, end_s)
     effort = motor_column(source, axis, effort)
-    series = changing(read_series(source, position, effort, time, axis, part))
+    series = changing(read_series(source, position, effort, time, axis, part, stated))
     felt = None
     if outside is not None:
-        series, felt = with_beside(series, source, outside, time, axis)
+        series, felt = with_beside(series, source, outside, time, axis, stated)
     cutoff = min(filter_hz or FILTER_HZ, 0.04 / series.period)
     best: tuple[DeviceFit, float, bool] | None = None
     for delay in DELAYS:
@@ -172,11 +190,11 @@ def identify_lever(
             "touched the lever"
         )
     fit, delay, turned = best
-    raw = read_positions(source, series.position_name, time, axis, part)
+    raw = read_positions(source, series.position_name, time, axis, part, stated)
     step = moving_step(raw.position[raw.known])
     noise = moving_noise(raw.position, step, raw.known)
     found = LeverResult(series, outside, fit, step, noise, delay, turned, [])
-    return found._replace(notes=[*series.notes, *_doubts(found)])
+    return found._replace(notes=[*series.notes, *found.implausible, *_doubts(found)])
 
 
 def pushes(fit: DeviceFit) -> bool:

@@ -17,10 +17,13 @@ from tautwave.analysis.identification.contact_model import (
 )
 from tautwave.analysis.identification.contact_motion import motion_of
 from tautwave.analysis.identification.hand_model import fit_hand
+from tautwave.analysis.identification.plausible import implausible
 from tautwave.analysis.identification.regression import Array, RecursiveLeastSquares
 from tautwave.analysis.identification.sensor_lag import Recorded, fit_lagged
 from tautwave.errors import RecordingError
 from tautwave.files import make_directory, write_text
+from tautwave.recordings.columns import UNSTATED
+from tautwave.recordings.stated import Stated
 from tautwave.session.identification.recorded_columns import (
     Series,
     changing,
@@ -80,9 +83,24 @@ class ContactResult(NamedTuple):
                 }
                 for fit in self.fits
             },
-            "snippet": contact_snippet(self.chosen) if self.found else None,
+            "snippet": (
+                contact_snippet(self.chosen) if self.found and not self.implausible else None
+            ),
             "notes": self.notes,
         }
+
+    @property
+    def implausible(self) -> list[str]:
+        """A sentence for each number that is outside physics."""
+        series, fit = self.series, self.chosen
+        names = ["damping", "mass", "offset", "preload", "lag"]
+        if fit.name != "hunt_crossley":  # whose stiffness is per metre to a power
+            names.append("stiffness")
+        values = {name: fit.parameters[name].value for name in names if name in fit.parameters}
+        values["position"] = float(np.ptp(series.position[series.known]))
+        if not self.found:  # then a stiffness is none, and may be anything
+            values = {"position": values["position"]}
+        return implausible(values, series.rotary)
 
 
 def _parameters(fit: ContactFit) -> dict[str, dict[str, float]]:
@@ -101,6 +119,7 @@ def identify_recording(
     begin_s: float | None = None,
     end_s: float | None = None,
     intent: str | None = None,
+    stated: Stated = UNSTATED,
 ) -> ContactResult:
     """Fit the environment to a run directory, an MCAP recording of tautwave or a CSV file.
 
@@ -117,16 +136,18 @@ def identify_recording(
         Part of the recording [s on its own clock].
     intent : str, optional
         Column with the position that the hand wanted: the fit is then that of its grip.
+    stated : Stated
+        What the file does not say itself.
 
     Raises
     ------
     ConfigError, RecordingError
         Not readable, ambiguous columns, or too short.
     """
-    series = changing(read_series(source, position, effort, time, axis, (begin_s, end_s)))
+    series = changing(read_series(source, position, effort, time, axis, (begin_s, end_s), stated))
     wanted = None
     if intent is not None:
-        series, wanted = with_beside(series, source, intent, time, axis)
+        series, wanted = with_beside(series, source, intent, time, axis, stated)
     cutoff = min(filter_hz or DEFAULT_FILTER_HZ, 0.04 / series.period)
     try:
         motion = motion_of(
@@ -151,8 +172,8 @@ def identify_recording(
             chosen = lagged
     found = chosen.elastic_share >= LEAST_ELASTIC and chosen.working_stiffness.lower > 0.0
     track_s, track = _track(chosen)
-    notes = [*series.notes, *_doubts(chosen, found)]
-    return ContactResult(series, fits, chosen, cutoff, found, notes, track_s, track)
+    result = ContactResult(series, fits, chosen, cutoff, found, [], track_s, track)
+    return result._replace(notes=[*series.notes, *result.implausible, *_doubts(chosen, found)])
 
 
 def _track(fit: ContactFit) -> tuple[Array, Array]:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from tautwave.analysis.identification.regression import Array
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.recordings.columns import column_names, read_columns, recording_file, time_columns
+from tautwave.recordings.columns import UNSTATED, column_names, read_columns, recording_file
+from tautwave.recordings.stated import Stated
+from tautwave.recordings.times import time_columns
 
 MOST_SAMPLES = 100_000
 """Most samples used of a recording; more would take minutes without improving the fit."""
@@ -45,6 +47,7 @@ def read_series(
     time: str | None,
     axis: str | None,
     part: tuple[float | None, float | None],
+    stated: Stated = UNSTATED,
 ) -> Series:
     """Read position and effort of a recording onto a uniform grid.
 
@@ -53,7 +56,7 @@ def read_series(
     ConfigError, RecordingError
         No such recording or column, or names that leave the columns ambiguous.
     """
-    return _even(*_read(source, position, effort, time, axis), part)
+    return _even(*_read(source, position, effort, time, axis, stated), part)
 
 
 def changing(series: Series) -> Series:
@@ -91,6 +94,7 @@ def read_positions(
     time: str | None,
     axis: str | None,
     part: tuple[float | None, float | None],
+    stated: Stated = UNSTATED,
 ) -> Series:
     """Read the positions of a recording as they were measured, each on the slot nearest its time.
 
@@ -103,7 +107,7 @@ def read_positions(
         source = source / "recording.mcap"
     if position is None and source.is_file():
         position = _only_position(source, axis)
-    series, times = _read(source, position, position, time, axis)
+    series, times = _read(source, position, position, time, axis, stated)
     inside, notes = _inside(series, times, part)
     t = times[inside]
     period = _period(series, t)
@@ -137,13 +141,19 @@ def _only_position(source: Path, axis: str | None) -> str:
 
 
 def _read(
-    source: Path, position: str | None, effort: str | None, time: str | None, axis: str | None
+    source: Path,
+    position: str | None,
+    effort: str | None,
+    time: str | None,
+    axis: str | None,
+    stated: Stated,
 ) -> tuple[Series, Array]:
     """Return the two columns as they were recorded, and their times [s]."""
     if source.is_dir():
         source = source / "recording.mcap"
     if not source.is_file():
         raise RecordingError(f"{source}: no such recording")
+    notes: list[str] = []
     if source.suffix != ".mcap":
         if axis is not None:
             raise ConfigError(
@@ -153,7 +163,9 @@ def _read(
         header = column_names(source)
         clock = time or _one(source, "time", "--time", time_columns(header), header)
         position, effort = csv_columns(source, header, position, effort)
-        read = read_columns(source, [position, effort], clock, holes=True)
+        read = read_columns(
+            source, [position, effort], clock, stated=stated, holes=True, notes=notes
+        )
         times, places, efforts = read[clock], read[position], read[effort]
         valid = np.ones(len(times), dtype=bool)
         rotary = _rotary(position, effort)
@@ -169,7 +181,9 @@ def _read(
         times, places, efforts = recording[clock], recording[position], recording[effort]
         valid = recording[flag] > 0.5 if flag in names.columns else np.ones(len(times), dtype=bool)
         rotary = _kind_of(names.attachments, position)
-    series = Series(str(source), position, effort, rotary, 0.0, 1.0, places, efforts, valid, ())
+    series = Series(
+        str(source), position, effort, rotary, 0.0, 1.0, places, efforts, valid, tuple(notes)
+    )
     return series, times
 
 
@@ -192,7 +206,7 @@ def _inside(
             + (f" in which both {series.position_name} and {series.effort_name} are known"
                if missing else "")
         )  # fmt: skip
-    notes = []
+    notes = list(series.notes)
     if missing:
         notes.append(f"{missing} of {asked} samples are missing or not valid, and were left out.")
     if np.count_nonzero(inside) > MOST_SAMPLES:
@@ -234,7 +248,12 @@ def _near(grid: Array, times: Array, period: float) -> NDArray[np.bool_]:
 
 
 def with_beside(
-    series: Series, source: Path, column: str, time: str | None, axis: str | None
+    series: Series,
+    source: Path,
+    column: str,
+    time: str | None,
+    axis: str | None,
+    stated: Stated = UNSTATED,
 ) -> tuple[Series, Array]:
     """Return another column on the grid of a series, which is known only where both are.
 
@@ -243,7 +262,7 @@ def with_beside(
     ConfigError, RecordingError
         There is no such column, or it holds no numbers.
     """
-    raw, times = _read(source, series.position_name, column, time, axis)
+    raw, times = _read(source, series.position_name, column, time, axis, stated)
     good = np.isfinite(raw.effort) & raw.known
     if np.count_nonzero(good) < 3:
         raise RecordingError(f"{source}: {column} holds no numbers")

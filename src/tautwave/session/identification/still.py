@@ -11,8 +11,11 @@ from tautwave.analysis.identification.encoder_noise import (
     NoiseFit,
     fit_noise,
 )
+from tautwave.analysis.identification.plausible import implausible
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.recordings.columns import UNSTATED
+from tautwave.recordings.stated import Stated
 from tautwave.rig.arms import without_carrying
 from tautwave.session.identification.identifying import record_excitation
 from tautwave.session.identification.recorded_columns import Series, read_positions
@@ -44,9 +47,21 @@ class NoiseResult(NamedTuple):
             "lag_error": fit.lag_error,
             "drift": fit.drift,
             "levels": fit.levels,
-            "snippet": noise_snippet(fit),
+            "snippet": self.snippet,
             "notes": self.notes,
         }
+
+    @property
+    def snippet(self) -> str:
+        """Lines for the axis in the rig file."""
+        if self.implausible:
+            return f"# {self.series.position_name}: nothing here is to be believed, see the notes"
+        return noise_snippet(self.fit)
+
+    @property
+    def implausible(self) -> list[str]:
+        """A sentence for a number that is outside physics."""
+        return implausible({"position_noise": self.fit.deviation.value}, self.series.rotary)
 
 
 def identify_noise(
@@ -57,6 +72,7 @@ def identify_noise(
     axis: str | None = None,
     begin_s: float | None = None,
     end_s: float | None = None,
+    stated: Stated = UNSTATED,
 ) -> NoiseResult:
     """Measure the noise of an encoder in a recording of a lever that stands still.
 
@@ -66,13 +82,15 @@ def identify_noise(
         Columns and axis, if they do not follow from the names.
     begin_s, end_s : float, optional
         Part of the recording [s on its own clock].
+    stated : Stated
+        What the file does not say itself.
 
     Raises
     ------
     ConfigError, RecordingError
         Not readable, an ambiguous column, too short, or the lever moved.
     """
-    series = read_positions(source, position, time, axis, (begin_s, end_s))
+    series = read_positions(source, position, time, axis, (begin_s, end_s), stated)
     try:
         fit = fit_noise(series.position, series.period, series.known)
     except ValueError as err:
@@ -82,7 +100,8 @@ def identify_noise(
             else "clamp the lever with its motor off, or choose a still part with --from and --to"
         )
         raise RecordingError(f"{source}: {series.position_name}: {err}; {remedy}") from err
-    return NoiseResult(series, fit, [*series.notes, *_doubts(series, fit)])
+    found = NoiseResult(series, fit, [])
+    return found._replace(notes=[*series.notes, *found.implausible, *_doubts(series, fit)])
 
 
 def identify_still(

@@ -189,11 +189,38 @@ def identify_load(
     with run.heard.raised():
         late = run.delay.periods + run.delay.remainder_s / rig.period_s
         weights, fit = fit_loads(out / "recording.mcap", run.rig, side, names, late)
-    snippet = load_snippet(arm, weights) if arm is not None else axis_snippet(weights)
-    result = LoadResult(names, weights, fit, snippet, run.seconds, run.notes, out)
+    rotary = arm is not None or rig.axes[names[0]].kind == "rotary"
+    doubts = implausible_weights(weights, rotary)
+    if doubts:
+        snippet = f"# {', '.join(names)}: nothing here is to be believed, see the notes"
+    else:
+        snippet = load_snippet(arm, weights) if arm is not None else axis_snippet(weights)
+    notes = [*run.notes, *doubts]
+    result = LoadResult(names, weights, fit, snippet, run.seconds, notes, out)
     text = json.dumps(result.as_dict(), indent=2, ensure_ascii=False)
     write_text(out / "identification.json", text + "\n")
     return result
+
+
+def implausible_weights(weights: Sequence[Weight], rotary: bool) -> list[str]:
+    """Return a sentence for each mass, centre or load that no link or axis has."""
+    from tautwave.analysis.identification.plausible import implausible
+
+    found = []
+    for weight in weights:
+        value = weight.estimate.value
+        if weight.name == "mass":
+            doubts = implausible({"link_mass": value}, rotary)
+            if weight.estimate.upper < 0.0:
+                doubts = [f"Doubtful: a mass of {value:.3g} kg is none; its effort has the other "
+                          "sign, or something else carries the link."]  # fmt: skip
+        elif weight.name.startswith("centre"):
+            known = not weight.estimate.lower <= 0.0 <= weight.estimate.upper
+            doubts = implausible({"centre": value}, rotary) if known else []
+        else:
+            doubts = implausible({"bias": value}, rotary)
+        found += [f"{weight.joint}: {doubt}" for doubt in doubts]
+    return found
 
 
 def _side_to_weigh(rig: Rig, axis: str | None) -> str:
