@@ -92,10 +92,13 @@ class InMemory(Protocol):
 
 
 class FramePort(Protocol):
-    """One end of a CAN bus, as a driver's transport: `InMemory`, or with a `fileno()`."""
+    """One end of a CAN bus, as a driver's transport: `InMemory`, or with a `fileno()`.
+
+    Ids are as Linux has them: bit 31 marks one of 29 bits, bit 29 an error frame.
+    """
 
     def send(self, can_id: int, data: bytes) -> bool:
-        """Queue a data frame (11-bit id); False: full. Raises `DriverError` without a bus."""
+        """Queue a data frame; False: full. Raises `DriverError` without a bus."""
 
     def receive(self) -> tuple[int, bytes, int] | None:
         """Return the oldest frame received as id, data and arrival [ns]; None if there is none."""

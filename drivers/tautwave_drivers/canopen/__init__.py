@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tautwave.contracts import CycleCost, DriverPlugin, Endpoint
+from tautwave.contracts import CycleCost, DriverPlugin
+from tautwave_drivers.can.places import can_endpoint
 from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.options import CanopenOptions, facts
@@ -18,14 +19,6 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
     return measure(cycles)
 
 
-def _endpoint(options: CanopenOptions) -> Endpoint:
-    software = options.interface in ("virtual", "udp_multicast")
-    if options.interface == "socketcan":
-        software = options.channel.startswith(("vcan", "vxcan"))
-    name = f"{options.interface}:{options.channel}"
-    return Endpoint("virtual" if software else "real", name)
-
-
 plugin = DriverPlugin(
     options=CanopenOptions,
     make=CanopenDriver,
@@ -37,7 +30,7 @@ plugin = DriverPlugin(
     facts=facts,
     scan_options=ScanOptions,
     measure=_measure,
-    endpoint=_endpoint,
+    endpoint=can_endpoint,
     files=(("nodes", "*", "eds"),),
     survey=survey,
 )

@@ -1,41 +1,12 @@
-"""Bus time of one cycle, from worst-case stuffed frame lengths of the mapping in use.
-
-Sources: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis",
-Real-Time Systems 35, 2007 (classic frame with worst-case stuffing, interframe space included);
-ISO 11898-1:2015 for CAN FD: dynamic stuffing up to the data field, fixed stuff bits in the CRC.
-"""
+"""Bus time of one cycle, from worst-case stuffed frame lengths of the mapping in use."""
 
 from __future__ import annotations
 
 from tautwave.contracts import Budget, BusSpec
+from tautwave_drivers.can.lengths import arithmetic, frame_s
 from tautwave_drivers.canopen.mapping import mapping_of
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
 from tautwave_drivers.cia402.objects import interpolation_period
-
-FD_SIZES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
-
-
-def classic_bits(size: int) -> int:
-    """Return the worst-case bits of a classic frame with 11-bit id and `size` data bytes."""
-    return 47 + 8 * size + (33 + 8 * size) // 4
-
-
-def fd_bits(size: int) -> tuple[int, int]:
-    """Return the worst-case bits of an FD frame at the nominal and at the data bit rate."""
-    size = next(length for length in FD_SIZES if length >= size)
-    stuffed = (21 + 8 * size) // 4
-    # SOF, id, RRS, IDE, FDF, res, BRS: 17 bits, 4 stuffed; CRC delimiter, ACK, EOF, space: 13
-    crc = 17 if size <= 16 else 21
-    fixed = 6 if size <= 16 else 7
-    return 17 + 4 + 13, 5 + 8 * size + (stuffed - 4) + 4 + crc + fixed
-
-
-def frame_s(size: int, bitrate: int, data_bitrate: int | None = None) -> float:
-    """Return the worst-case time of a frame on the wire [s]."""
-    if data_bitrate is None:
-        return classic_bits(size) / bitrate
-    nominal, fast = fd_bits(size)
-    return nominal / bitrate + fast / data_bitrate
 
 
 def cycle_sizes(options: CanopenOptions, bus: BusSpec) -> tuple[list[int], list[int]]:
@@ -65,7 +36,7 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
     for axis, rpdo, tpdo in zip(bus.axes, rpdos, tpdos, strict=True):
         parts += [(f"{axis.name} TPDO", tpdo), (f"{axis.name} RPDO", rpdo)]
     for name, size in parts:
-        lines.append(f"{name}: {_arithmetic(size, bitrate, data)}")
+        lines.append(f"{name}: {arithmetic(size, bitrate, data)}")
     exchange = exchange_s(options, bus)
     lines.append(f"process data of one cycle: {_us(exchange)}")
     beats = len(bus.axes) + 1
@@ -90,17 +61,6 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
         )
     remedy = _advice(options, bus, shares)
     return Budget(time_s, greatest, "\n".join(lines), remedy)
-
-
-def _arithmetic(size: int, bitrate: int, data_bitrate: int | None) -> str:
-    time = _us(frame_s(size, bitrate, data_bitrate))
-    if data_bitrate is None:
-        return (
-            f"{size} bytes: 47 + 8*{size} + floor((33 + 8*{size})/4) = "
-            f"{classic_bits(size)} bits = {time}"
-        )
-    nominal, fast = fd_bits(size)
-    return f"{size} bytes: {nominal} bits nominal + {fast} bits fast = {time}"
 
 
 def _advice(options: CanopenOptions, bus: BusSpec, shares: float) -> str:

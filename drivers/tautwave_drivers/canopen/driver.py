@@ -17,10 +17,10 @@ from tautwave.contracts import BusSpec, Clock, FramePort, Row
 from tautwave.driver_base import DriverBase
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave_drivers.can.opening import open_port
+from tautwave_drivers.can.raw import RawPort
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.budget import exchange_s
-from tautwave_drivers.canopen.bus.frames import RawPort
-from tautwave_drivers.canopen.bus.opening import open_port
 from tautwave_drivers.canopen.enable_inputs import enable_inputs
 from tautwave_drivers.canopen.exchange import Exchange
 from tautwave_drivers.canopen.health import Health

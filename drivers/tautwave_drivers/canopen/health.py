@@ -10,8 +10,9 @@ from typing import Any
 
 from tautwave.contracts import FramePort
 from tautwave.types import Fault
+from tautwave_drivers.can.errors import error_text
+from tautwave_drivers.can.framing import ERROR_FRAME
 from tautwave_drivers.canopen.axis import Axis
-from tautwave_drivers.canopen.bus.frames import ERROR_FRAME, error_text
 from tautwave_drivers.canopen.enable_inputs import take_inputs
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.cia402.emergency import decode_emergency

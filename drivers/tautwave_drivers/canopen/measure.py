@@ -10,16 +10,14 @@ import struct
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Protocol
-
-import can
 
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import Clock, CycleCost, FramePort
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
-from tautwave_drivers.canopen.bus.frames import RawPort
-from tautwave_drivers.canopen.bus.python_can import polled
+from tautwave_drivers.can.ends import BusEnd, End, SocketEnd
+from tautwave_drivers.can.python_can import polled
+from tautwave_drivers.can.raw import RawPort
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.health import SYNC_ID
 from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1
@@ -31,63 +29,8 @@ NODES = (1, 2)
 RAW_GOAL_US, VIRTUAL_GOAL_US = 25.0, 60.0
 IN_TURN = 200
 CHANNEL = "tautwave-bench"
-_FRAME = struct.Struct("<IB3x8s")
 _TPDO = struct.Struct("<Hib")
 _STATES = {SHUTDOWN: 0x0231, SWITCH_ON: 0x0233, ENABLE_OPERATION: 0x1237}
-
-
-class End(Protocol):
-    """A bare end of a transport."""
-
-    def put(self, can_id: int, data: bytes) -> None: ...  # noqa: D102
-
-    def take(self) -> tuple[int, bytes] | None: ...  # noqa: D102
-
-    def close(self) -> None: ...  # noqa: D102
-
-
-class SocketEnd:
-    """A non-blocking datagram socket with the frames of SocketCAN."""
-
-    def __init__(self, end: socket.socket) -> None:
-        end.setblocking(False)
-        self._end = end
-
-    def put(self, can_id: int, data: bytes) -> None:
-        """Send a frame."""
-        self._end.send(_FRAME.pack(can_id, len(data), data))
-
-    def take(self) -> tuple[int, bytes] | None:
-        """Receive a frame, if there is one."""
-        try:
-            can_id, size, data = _FRAME.unpack(self._end.recv(_FRAME.size))
-        except BlockingIOError:
-            return None
-        return can_id, data[:size]
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._end.close()
-
-
-class BusEnd:
-    """A python-can bus."""
-
-    def __init__(self, channel: str) -> None:
-        self.bus = can.Bus(interface="virtual", channel=channel)
-
-    def put(self, can_id: int, data: bytes) -> None:
-        """Send a frame."""
-        self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
-
-    def take(self) -> tuple[int, bytes] | None:
-        """Receive a frame, if there is one."""
-        message = self.bus.recv(0)
-        return None if message is None else (message.arbitration_id, bytes(message.data))
-
-    def close(self) -> None:
-        """Leave the bus."""
-        self.bus.shutdown()
 
 
 class StandIns:

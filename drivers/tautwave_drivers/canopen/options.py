@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave_drivers.can.keys import CanKeys
 from tautwave_drivers.canopen.files.belonging import Use, check_files
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.modes import Mode
@@ -124,16 +125,11 @@ class Node(Block):
     move: Move | None = None
 
 
-class CanopenOptions(Block):
+class CanopenOptions(CanKeys):
     """Options of a CANopen bus."""
 
-    interface: Annotated[str, Field(min_length=1)] = "socketcan"
-    """`virtual`, `socketcan`, `udp_multicast`, or any interface that python-can has."""
-    channel: str = "can0"
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
     data_bitrate: Annotated[int, Field(ge=10_000, le=8_000_000)] | None = None
     """For the budget only: what CAN FD would allow; the driver uses classic CAN."""
-    backend: Literal["auto", "python-can", "raw"] = "auto"
     sync: bool = True
     """This master sends SYNC; false: TPDOs by the drive's event timer, RPDOs act on receipt."""
     rpdo: Literal["sync", "event"] = "sync"

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import Clock, FramePort, ScanProgress, no_progress
 from tautwave.errors import DriverError
-from tautwave_drivers.canopen.bus.opening import open_port
+from tautwave_drivers.can.opening import open_port
 from tautwave_drivers.canopen.health import state_text
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o

@@ -10,6 +10,7 @@ from typing import Any
 from tautwave.errors import ConfigError
 from tautwave.types import FoundBus, FoundDevice, Setting, Survey
 from tautwave_drivers.assumed import assumed_axis
+from tautwave_drivers.can.places import can_places
 from tautwave_drivers.canopen.files.belonging import identity_of
 from tautwave_drivers.canopen.files.foreseen import lacking, no_drive, unwatched
 from tautwave_drivers.canopen.files.reading import read_device_file
@@ -21,20 +22,7 @@ from tautwave_drivers.cia402.units import MAXON, MICRO, MILLI
 PEAK = 3.0
 """Peak torque of a servo motor, in rated torques."""
 
-NETS = Path("/sys/class/net")
-ARPHRD_CAN = "280"
 SPEED = Setting(20.0, "[rad/s] TODO: the run stops above it")
-
-
-def _places() -> Sequence[Mapping[str, Any]]:
-    found = []
-    for net in sorted(NETS.glob("*")):
-        try:
-            if (net / "type").read_text().strip() == ARPHRD_CAN:
-                found.append({"interface": "socketcan", "channel": net.name})
-        except OSError:
-            continue  # it has gone meanwhile
-    return found
 
 
 def _propose(options: ScanOptions, rows: Sequence[Mapping[str, Any]]) -> Sequence[FoundBus]:
@@ -140,4 +128,4 @@ def _number(value: Any) -> int | None:
         return None
 
 
-survey = Survey(_places, _propose, _describe, "eds")
+survey = Survey(can_places, _propose, _describe, "eds")

@@ -10,15 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.contracts import AxisSpec, BusSpec
+from tautwave_drivers.can.lengths import classic_bits, fd_bits, frame_s
 from tautwave_drivers.canopen import CanopenOptions
-from tautwave_drivers.canopen.budget import (
-    budget,
-    classic_bits,
-    cycle_sizes,
-    exchange_s,
-    fd_bits,
-    frame_s,
-)
+from tautwave_drivers.canopen.budget import budget, cycle_sizes, exchange_s
 from tautwave_drivers.canopen.options import Node
 
 

@@ -17,8 +17,8 @@ from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.contracts import BusSpec
 from tautwave.types import AxisCommand
+from tautwave_drivers.can.python_can import PolledPort, polled
 from tautwave_drivers.canopen import plugin
-from tautwave_drivers.canopen.bus.python_can import PolledPort, polled
 from tautwave_drivers.canopen.scan import ScanOptions, look
 from tests.drivers.canopen.benches import block, bus_of, driver_options, node
 

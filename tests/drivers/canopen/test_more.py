@@ -15,8 +15,8 @@ import pytest
 
 from tautwave.clock import MonotonicClock
 from tautwave.errors import ConfigError, DeviceFault, DriverError
+from tautwave_drivers.can.raw import RawPort
 from tautwave_drivers.canopen import plugin
-from tautwave_drivers.canopen.bus.frames import RawPort
 from tautwave_drivers.canopen.measure import (
     SocketEnd,
     _driver,

@@ -6,11 +6,16 @@ from typing import Any
 
 from tautwave.contracts import Clock, FramePort
 from tautwave.errors import DriverError
-from tautwave_drivers.canopen.bus.frames import RawPort
+from tautwave_drivers.can.framing import Framing
+from tautwave_drivers.can.raw import RawPort
+
+_CLASSIC = Framing()
 
 
-def open_port(options: Any, clock: Clock) -> FramePort:
+def open_port(options: Any, clock: Clock, framing: Framing = _CLASSIC) -> FramePort:
     """Open the bus that the options name, by the backend they name.
+
+    `options` have `interface`, `channel`, `bitrate` and `backend`, as `CanKeys` do.
 
     Raises
     ------
@@ -23,7 +28,7 @@ def open_port(options: Any, clock: Clock) -> FramePort:
             f"backend raw is for interface socketcan, not {options.interface}; use backend: auto"
         )
     if options.interface == "socketcan" and backend != "python-can":
-        return RawPort.open(options.channel, clock)
-    from tautwave_drivers.canopen.bus.python_can import open_python_can  # an extra
+        return RawPort.open(options.channel, clock, framing)
+    from tautwave_drivers.can.python_can import open_python_can  # an extra
 
-    return open_python_can(options, clock)
+    return open_python_can(options, clock, framing)

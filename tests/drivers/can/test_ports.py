@@ -15,14 +15,16 @@ from hypothesis import strategies as st
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.errors import DriverError
-from tautwave_drivers.canopen.bus.frames import ERROR_FRAME, RawPort, error_text
-from tautwave_drivers.canopen.bus.opening import open_port
-from tautwave_drivers.canopen.bus.python_can import (
+from tautwave_drivers.can.errors import error_text
+from tautwave_drivers.can.framing import ERROR_FRAME, EXTENDED, Echo, Framing
+from tautwave_drivers.can.opening import open_port
+from tautwave_drivers.can.python_can import (
     PolledPort,
     PythonCanPort,
     open_python_can,
     polled,
 )
+from tautwave_drivers.can.raw import RawPort, filters
 from tests.drivers.canopen.benches import block, driver_options, node
 
 can = pytest.importorskip("can")
@@ -52,7 +54,7 @@ def test_a_frame_is_a_struct_can_frame(pair: tuple[RawPort, socket.socket]) -> N
 
 def test_extended_remote_and_cut_frames_are_nobodys(pair: tuple[RawPort, socket.socket]) -> None:
     port, other = pair
-    other.send(FRAME.pack(0x80000181, 8, bytes(8)))
+    other.send(FRAME.pack(EXTENDED | 0x181, 8, bytes(8)))
     other.send(FRAME.pack(0x40000181, 0, bytes(8)))
     other.send(FRAME.pack(0x182, 8, bytes(8)))
     assert port.receive() == (0x182, bytes(8), 5)
@@ -246,3 +248,142 @@ def test_error_frames_in_words(can_id: int, data: bytes, words: str, lost: bool)
 @given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
 def test_every_error_frame_has_words(can_id: int, data: bytes) -> None:
     assert error_text(ERROR_FRAME | can_id, data)[0]
+
+
+FD_FRAME = struct.Struct("<IBB2x64s")
+FD = Framing(data_bitrate=5_000_000, extended=True)
+
+
+def datagrams(framing: Framing) -> tuple[RawPort, socket.socket]:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    theirs.setblocking(False)
+    return RawPort(ours, FakeClock(5), "pair", framing), theirs
+
+
+def test_an_fd_port_sends_fd_with_rate_switch_and_knows_who_answers_classic() -> None:
+    port, other = datagrams(FD)
+    with other:
+        assert port.send(EXTENDED | 0x1800FD01, bytes(range(24)))
+        # <linux/can.h>, struct canfd_frame: id with CAN_EFF_FLAG, length, CANFD_BRS, 64 of data
+        assert other.recv(128) == bytes.fromhex("01fd0098 18 01 0000") + bytes(range(24)) + bytes(
+            40
+        )
+        other.send(FD_FRAME.pack(0x11, 12, 1, b"fd"))
+        other.send(FRAME.pack(0x12, 2, b"ok"))
+        assert port.receive() == (0x11, b"fd" + bytes(10), 5)
+        assert port.receive() == (0x12, b"ok", 5)
+        assert port.classic_ids == {0x12}
+        port.close()
+
+
+def test_a_classic_port_takes_no_fd_frame(pair: tuple[RawPort, socket.socket]) -> None:
+    port, other = pair
+    other.send(FD_FRAME.pack(0x181, 8, 1, bytes(8)))
+    other.send(FRAME.pack(0x182, 1, b"a"))
+    assert port.receive() == (0x182, b"a", 5)
+
+
+@pytest.mark.parametrize(
+    ("framing", "can_id", "size", "words"),
+    [
+        (Framing(), 0x1800FD01, 8, "has more bits"),
+        (Framing(), EXTENDED | 0x1800FD01, 8, "identifiers of 11 bits"),
+        (Framing(), 0x181, 24, "at most 8"),
+        (Framing(extended=True), EXTENDED | 0x2000_0000, 8, "has more bits"),
+        (FD, 0x181, 9, "no FD frame"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["raw", "python-can"])
+def test_a_frame_never_leaves_as_another_one(
+    framing: Framing, can_id: int, size: int, words: str, kind: str
+) -> None:
+    bus = SimpleNamespace(send=lambda message: None, recv=None)
+    port: Any = PythonCanPort(bus, FakeClock(), "test", framing)  # type: ignore[arg-type]
+    other = None
+    if kind == "raw":
+        port, other = datagrams(framing)
+    with pytest.raises(ValueError, match=words):
+        port.send(can_id, bytes(size))
+    if other is not None:
+        port.close()
+        other.close()
+
+
+def test_the_kernels_filters_are_the_ids_and_their_kind() -> None:
+    # <linux/can.h>, struct can_filter: id and mask; flags and all bits of the id have to agree
+    found = filters(Framing(extended=True, ids=[0x11, EXTENDED | 0x11]))
+    assert struct.unpack("<4I", found) == (0x11, 0xC00007FF, 0x80000011, 0xDFFFFFFF)
+
+
+class Returning:
+    """A python-can bus that returns what was sent, as udp_multicast does."""
+
+    def __init__(self) -> None:
+        self.here: list[Any] = []
+        self.send = self.here.append
+
+    def recv(self, timeout: float) -> Any:
+        return self.here.pop(0) if self.here else None
+
+
+def test_an_echo_is_known_by_content_and_count() -> None:
+    bus: Any = Returning()
+    clock = FakeClock()
+    port = PythonCanPort(bus, clock, "test", FD, echoes=True)
+    for _ in range(2):
+        port.send(0x11, b"same")
+    answer = can.Message(arbitration_id=0x11, data=b"same", is_extended_id=False, is_fd=True)
+    other = can.Message(arbitration_id=0x11, data=b"else", is_extended_id=False, is_fd=True)
+    bus.here += [other, answer]
+    assert [port.receive() for _ in range(3)] == [(0x11, b"else", 0), (0x11, b"same", 0), None]
+    port.send(0x11, b"lost")
+    bus.here.clear()  # this echo never comes
+    clock.sleep_until(1_000_000_000)
+    bus.here.append(can.Message(arbitration_id=0x11, data=b"lost", is_extended_id=False))
+    assert port.receive() == (0x11, b"lost", 1_000_000_000)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(0, 2)), max_size=40))
+def test_what_others_send_passes_whatever_is_sent_and_heard(events: list[tuple[bool, int]]) -> None:
+    echo, sent, heard = Echo(), [0] * 3, [0] * 3
+    for ours, content in events:
+        if ours:
+            echo.sent(content, b"", 0)
+            sent[content] += 1
+        elif not echo.is_own(content, b"", 0):
+            heard[content] += 1
+    for content in range(3):
+        left = 0
+        while echo.is_own(content, b"", 0):
+            left += 1
+        asked = sum(1 for ours, other in events if not ours and other == content)
+        assert asked - heard[content] + left == sent[content]
+
+
+def test_python_can_drops_ids_that_nobody_waits_for() -> None:
+    bus: Any = Returning()
+    port = PythonCanPort(bus, FakeClock(), "test", Framing(extended=True, ids=[EXTENDED | 0x11]))
+    for number, extended in ((0x11, False), (0x12, True), (0x11, True)):
+        bus.here.append(can.Message(arbitration_id=number, is_extended_id=extended, data=b"a"))
+    bus.here.append(can.Message(arbitration_id=0x40, is_error_frame=True))
+    assert [port.receive() for _ in range(3)] == [
+        (EXTENDED | 0x11, b"a", 0),
+        (ERROR_FRAME | 0x40, b"", 0),
+        None,
+    ]
+
+
+@pytest.mark.parametrize("fd", [False, True])
+def test_frames_of_all_kinds_pass_python_cans_virtual_bus(fd: bool) -> None:
+    framing = Framing(data_bitrate=5_000_000 if fd else None, extended=True)
+    with can.Bus(interface="virtual", channel="kinds") as other:
+        bus = can.Bus(interface="virtual", channel="kinds")
+        port = polled(bus, FakeClock(), "virtual:kinds", framing)
+        assert port.send(EXTENDED | 0x1800FD01, bytes(8))
+        message = other.recv(0)
+        assert message.arbitration_id == 0x1800FD01
+        assert message.is_extended_id
+        assert (message.is_fd, message.bitrate_switch) == (fd, fd)
+        other.send(message)
+        assert port.receive() == (EXTENDED | 0x1800FD01, bytes(8), 0)
+        port.close()

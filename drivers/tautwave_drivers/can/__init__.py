@@ -1,0 +1,1 @@
+"""CAN for the drivers on it: ports, framing, lengths, keys and exchanges; no protocol above."""
