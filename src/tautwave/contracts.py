@@ -234,7 +234,8 @@ class DriverPlugin(NamedTuple):
     part of a rig file for `tautwave new`, `imposed(options, bus)` the motions it forces on axes.
     `elements(options, bus, axes, late)`: verdicts of a driver with laws of its own; the rig's axes
     by full name, the command delay in periods. `plain`: only the live loop simulates its axes;
-    `positions`: they may take positions.
+    `positions`: they may take positions. `foreseen(options, bus)`, pure, returns sentences on what
+    a run would say or refuse of the devices as files in the options describe them, for `check`.
     """
 
     options: type[Any]
@@ -254,6 +255,7 @@ class DriverPlugin(NamedTuple):
     elements: Callable[..., Sequence[BusElement]] | None = None
     plain: bool = False
     positions: bool = False
+    foreseen: Callable[[Any, BusSpec], Sequence[str]] | None = None
 
 
 class Simulator(Protocol):

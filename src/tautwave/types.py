@@ -107,6 +107,13 @@ class Setting(NamedTuple):
     comment: str = ""
 
 
+class Hexadecimal(int):
+    """A whole number that people know in hexadecimal, and that a rig file has as such."""
+
+    def __repr__(self) -> str:
+        return f"0x{self:X}"
+
+
 class FoundDevice(NamedTuple):
     """A device that answered: its entry in the options of its bus, and keys of an axis on it."""
 

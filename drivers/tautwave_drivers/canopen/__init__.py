@@ -8,7 +8,8 @@ from tautwave.contracts import CycleCost, DriverPlugin
 from tautwave_drivers.can.places import can_endpoint
 from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.driver import CanopenDriver
-from tautwave_drivers.canopen.options import CanopenOptions, facts
+from tautwave_drivers.canopen.foresight import facts, foreseen
+from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.scan import ScanOptions, scan
 from tautwave_drivers.canopen.survey import survey
 
@@ -33,6 +34,7 @@ plugin = DriverPlugin(
     endpoint=can_endpoint,
     files=(("nodes", "*", "eds"),),
     survey=survey,
+    foreseen=foreseen,
 )
 
 __all__ = ["CanopenDriver", "CanopenOptions", "ScanOptions", "plugin"]

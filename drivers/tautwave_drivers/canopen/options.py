@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
+from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
 from tautwave_drivers.can.keys import CanKeys
-from tautwave_drivers.canopen.files.belonging import Use, check_files
-from tautwave_drivers.cia402 import objects as o
-from tautwave_drivers.cia402.modes import Mode
 from tautwave_drivers.cia402.units import INT16, AxisScale, Transmission, axis_scale, limit_counts
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -300,37 +296,3 @@ def _misread(axis: AxisSpec, node: Node) -> str:
 def limit_permille(node: Node, axis: AxisSpec) -> int:
     """Return the rig's effort_limit as the greatest per mille that does not exceed it."""
     return limit_counts(axis.effort_limit, scale(node, axis).effort_quantum)
-
-
-def files_of(axes: Sequence[tuple[AxisSpec, Node]]) -> list[Use]:
-    """Return the EDS and DCF files of a bus, and what the rig wants of their drives."""
-    uses = []
-    for axis, node in axes:
-        if node.eds is None:
-            continue
-        identity = {} if node.identity is None else node.identity.model_dump()
-        mode, needed = Mode.CST, [o.TARGET_TORQUE, o.POSITION]
-        if axis.causality == "admittance":
-            mode, needed = Mode.CSV, [o.TARGET_VELOCITY, o.POSITION, o.TORQUE]
-        uses.append(Use(axis.name, node.id, node.eds, identity, node.dcf_include, mode, needed))
-    return uses
-
-
-def facts(options: CanopenOptions, bus: BusSpec) -> Sequence[AxisFacts]:
-    """Return the steps of each axis' sensors and commands [SI].
-
-    Raises
-    ------
-    ConfigError
-        The EDS or DCF of a node cannot be read, or its values are not for that node.
-    """
-    nodes = nodes_of(options, bus)
-    check_files(files_of(list(zip(bus.axes, nodes, strict=True))))
-    return [
-        AxisFacts(one.encoder_quantum, one.effort_quantum, one.velocity_quantum)
-        if axis.causality == "admittance"
-        else AxisFacts(one.encoder_quantum, one.effort_quantum, 0.0)
-        for axis, one in (
-            (axis, scale(node, axis)) for axis, node in zip(bus.axes, nodes, strict=True)
-        )
-    ]

@@ -7,14 +7,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError
-from tautwave.types import FoundBus, FoundDevice, Setting, Survey
+from tautwave.types import FoundBus, FoundDevice, Hexadecimal, Setting, Survey
 from tautwave_drivers.assumed import assumed_axis
 from tautwave_drivers.can.places import can_places
-from tautwave_drivers.canopen.files.belonging import identity_of
-from tautwave_drivers.canopen.files.foreseen import lacking, no_drive, unwatched
-from tautwave_drivers.canopen.files.reading import read_device_file
+from tautwave_drivers.canopen.files.belonging import identity_of, why_refused
+from tautwave_drivers.canopen.files.reading import DeviceFile, read_device_file
+from tautwave_drivers.canopen.foresight import of_file
+from tautwave_drivers.canopen.mapping import mappings_of
+from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.scan import MOTOR, ScanOptions
+from tautwave_drivers.canopen.setup.meaning import counts_per_turn
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.modes import Mode
 from tautwave_drivers.cia402.units import MAXON, MICRO, MILLI
@@ -51,10 +55,6 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
         It is not an EDS or DCF file, or describes no drive that takes torque.
     """
     file = read_device_file(str(path))
-    needed = (o.TARGET_TORQUE, o.POSITION)
-    reasons = [one] if (one := no_drive(file)) else list(lacking(file, Mode.CST, needed))
-    if reasons:
-        raise ConfigError(reasons)
     row: dict[str, Any] = {
         **identity_of(file),
         **{column: file.number(entry) for column, entry in MOTOR.items()},
@@ -66,20 +66,42 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
         "bitrate": Setting(1_000_000, "TODO: as the drives are set"),
     }
     devices = [_device(number, row, name, str(path)) for number in ids]
-    notes = _notes([row])
-    if reason := unwatched(file):
-        notes.append(f"TODO: according to its EDS {reason}; a run needs --allow-unwatched")
+    notes = [*_notes([row]), *(f"TODO: {one}" for one in _foreseen(file, devices[0]))]
     return FoundBus("can", "canopen", given, "nodes", devices, [*file.remarks, *notes])
+
+
+def _foreseen(file: DeviceFile, device: FoundDevice) -> list[str]:
+    """Return what a run would say of a drive as in its file.
+
+    Raises
+    ------
+    ConfigError
+        It would refuse any such drive.
+    """
+    options = CanopenOptions.model_validate({"nodes": [dict(device.options)]})
+    (node,) = options.nodes
+    reasons = why_refused(
+        file, Mode.CST, (o.TARGET_TORQUE, o.POSITION), mappings_of("impedance", node)
+    )
+    if reasons:
+        raise ConfigError(reasons)
+    keys = (device.axis[key].value for key in ("effort_limit", "velocity_limit"))
+    return list(
+        of_file(file, AxisSpec("", node.id, "rotary", "impedance", *keys), node, options, 1e3)
+    )
 
 
 def _device(number: int, row: Mapping[str, Any], name: str, eds: str = "") -> FoundDevice:
     vendor, product = (_number(row.get(key)) for key in ("vendor", "product"))
     entry: dict[str, Any] = {"id": number}
     if vendor is not None and product is not None:
-        entry["identity"] = {"vendor": vendor, "product": product}
+        entry["identity"] = {
+            "vendor": Hexadecimal(vendor),
+            "product": Hexadecimal(product),
+        }
     raw = _number(row.get("rated_torque"))
     rated = 0.1 if not raw else raw * (MICRO if vendor == MAXON else MILLI)
-    counts = round(_increments(row) or 4096)
+    counts = max(1, round(_increments(row) or 4096))
     gear = (_number(row.get("gear_motor")) or 1) / (_number(row.get("gear_shaft")) or 1)
     entry |= {"rated_torque": rated, "counts_per_revolution": counts, "gear_ratio": gear}
     if eds:
@@ -94,10 +116,8 @@ def _device(number: int, row: Mapping[str, Any], name: str, eds: str = "") -> Fo
 
 
 def _increments(row: Mapping[str, Any]) -> float | None:
-    """Return counts per turn, None where they are not stated: drives leave 1/1, or 0, there."""
-    increments, turns = _number(row.get("increments")), _number(row.get("revolutions")) or 1
-    counts = increments / turns if increments else 1.0
-    return counts if counts > 1.0 else None
+    """Return counts per motor turn, None where they are not stated."""
+    return counts_per_turn({entry: _number(row.get(name)) for name, entry in MOTOR.items()})
 
 
 def _notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -147,6 +147,7 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
                 )
             )
     facts += [(f"bus {name}", way.describe()) for name, way in ways.items()]
+    facts += _foreseen(rig)
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))
     if rig.scene is not None:
@@ -193,6 +194,17 @@ def check(rig: Rig, *, simulate: Simulate = ()) -> CheckResult:
         allowance_rows(rig, delays),
         [*too_slow, *failures],
     )
+
+
+def _foreseen(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield what files of devices tell of a run before any wire."""
+    for name, bus in rig.own_buses.items():
+        plugin = load_driver(bus.driver)
+        if plugin.foreseen is None:
+            continue
+        sentences = plugin.foreseen(plugin.options.model_validate(bus.options), bus_spec(rig, name))
+        for number, sentence in enumerate(sentences, 1):
+            yield f"bus {name}, note {number}", sentence
 
 
 def _greatest(claims: Sequence[list[PortClaim]]) -> list[PortClaim]:

@@ -13,7 +13,7 @@ from tautwave.errors import ConfigError, DriverError
 from tautwave_drivers.canopen.files.belonging import check_files, parameters
 from tautwave_drivers.canopen.files.choosing import Choice, choose
 from tautwave_drivers.canopen.files.reading import read_device_file
-from tautwave_drivers.canopen.options import files_of
+from tautwave_drivers.canopen.foresight import files_of
 from tests.drivers.canopen.benches import driver_options
 from tests.drivers.canopen.foreign import Foreign, foreign
 from tests.drivers.canopen.test_eds import dcf, entry

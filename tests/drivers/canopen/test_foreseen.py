@@ -7,17 +7,17 @@ from typing import Any
 
 import pytest
 
-from tautwave.contracts import AxisSpec
+from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
 from tautwave_drivers.canopen import plugin
 from tautwave_drivers.canopen.files.belonging import check_files
-from tautwave_drivers.canopen.options import files_of
+from tautwave_drivers.canopen.foresight import files_of
 from tests.drivers.canopen.benches import driver_options
 from tests.drivers.canopen.test_eds import dcf, entry
 
 DRIVE = {
     "1000": "0x00020192", "1016sub1": "0", "1400sub5": "0", "6007": "1", "6040": "0", "6041": "0",
-    "6064": "0", "6071": "0", "6077": "0", "60FF": "0", "6502": "0x3AD",
+    "1017": "0", "6064": "0", "6071": "0", "6077": "0", "60FF": "0", "6502": "0x3AD",
 }  # fmt: skip
 """Objects of a drive's file, and their defaults."""
 
@@ -88,6 +88,7 @@ def described(path: Path) -> Any:
         ({"x1016sub1": None}, ""),
         ({"x1016sub1": None, "x1400sub5": None}, "it has no watchdog (neither 1016:01 nor"),
         ({"x6007": None}, "it does not say how it reacts to a lost master (no 6007:00)"),
+        ({"x1017": None}, "it has no heartbeat (1017:00) by which its loss is noticed"),
     ],
 )
 def test_a_drive_without_a_watchdog_is_said_of_a_new_rig(
@@ -125,6 +126,118 @@ def test_a_default_that_states_nothing_is_a_guess_to_be_settled(
     assert device.options["rated_torque"] == pytest.approx(rated)
     notes = [note for note in found.notes if "is a guess: TODO" in note]
     assert [note.split(" ")[0] for note in notes] == guessed
+
+
+def fixed(path: Path, access: str, **words: tuple[int, ...]) -> Path:
+    """A file whose PDOs have these mappings, with an access."""
+    sections = "".join(
+        entry("-", name=f"{index}sub{sub:X}", AccessType=access, DefaultValue=f"0x{word:X}")
+        for name, each in words.items()
+        for index in [name.lstrip("x")]
+        for sub, word in enumerate((len(each), *each))
+    )
+    eds(path)
+    path.write_text(path.read_text() + sections)
+    return path
+
+
+LEAN_RPDO, LEAN_TPDO = (0x60400010, 0x60710010), (0x60410010, 0x60640020)
+
+
+@pytest.mark.parametrize(
+    ("access", "words", "said"),
+    [
+        ("const", {"x1600": LEAN_RPDO, "x1A00": LEAN_TPDO}, ""),
+        ("const", {"x1600": (*LEAN_RPDO, 0x60600008)}, ""),
+        ("const", {"x1600": (0x60710010, 0x60400010)}, ""),  # at other places
+        ("const", {"x1A00": (*LEAN_TPDO, 0x60770010)}, ""),  # and more than is wanted
+        ("const", {"x1600": (0x60400010, 0x607A0020)}, "a fixed mapping of RPDO1 (60400010, 607A0"),
+        ("const", {"x1600": (*LEAN_RPDO, 0x60FF0020)}, "a fixed mapping of RPDO1"),  # a target more
+        ("ro", {"x1A00": (0x60410010,)}, "a fixed mapping of TPDO1 (60410010 in 1A00h), not the"),
+        ("ro", {"x1A00": ()}, "a fixed mapping of TPDO1 (nothing in 1A00h), not the wanted one: 6"),
+        ("rw", {"x1A00": (0x60410010,), "x1600": (0x60400010,)}, ""),
+    ],
+)
+def test_a_fixed_mapping_is_refused_unless_it_has_what_is_wanted(
+    tmp_path: Path, access: str, words: dict[str, tuple[int, ...]], said: str
+) -> None:
+    found = checked(fixed(tmp_path / "a.eds", access, **words))
+    assert bool(found) == bool(said), found
+    assert all(said in one for one in found)
+
+
+def foreseen_of(path: Path, **more: Any) -> list[str]:
+    given = {"id": 1, "rated_torque": 0.5, "counts_per_revolution": 4096, "eds": str(path)} | more
+    options = driver_options({"interface": "virtual", "nodes": [given]})
+    axis = AxisSpec("arm.j1", 1, "rotary", "impedance", 0.4, 15.0)
+    bus = BusSpec("can", (axis,), 1000.0)
+    assert plugin.foreseen is not None
+    assert plugin.facts(options, bus)
+    return [one.replace(f"{path.parent}/", "") for one in plugin.foreseen(options, bus)]
+
+
+DELIVERED = "arm.j1: a run refuses the drive while it holds the default of its EDS: "
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        ({"x1016sub1": None, "x1400sub5": None}, "arm.j1: according to its EDS it has no watchdog"),
+        ({"x607E": "0"}, ""),
+        ({"x607E": "0x80"}, f"{DELIVERED}607E:00 polarity is 0x80"),
+        ({"x60A8": "0x00B50000"}, ""),
+        ({"x60A8": "0xFF410000"}, "state counts_per_revolution: 3600 in the rig, or set it"),
+        ({"x6076": "0", "x6075": "0"}, ""),
+        ({"x6076": "900"}, f"{DELIVERED}6076:00 motor rated torque is 900"),
+        ({"x608Fsub1": "1"}, ""),
+        ({"x608Fsub1": "2000"}, f"{DELIVERED}608F:01 encoder increments is 2000"),
+        ({"x607C": "0xFFFFFF00"}, f"{DELIVERED}607C:00 home offset is -256"),
+        ({"x6072": "100"}, f"{DELIVERED}6072:00 max torque is 100"),
+        ({"x1018sub2": "0x402"}, ""),
+    ],
+)
+def test_what_the_drive_comes_with_is_said_before_any_wire(
+    tmp_path: Path, changes: dict[str, str | None], said: str
+) -> None:
+    found = foreseen_of(eds(tmp_path / "a.eds", **changes))
+    assert bool(found) == bool(said), found
+    assert all(said in one for one in found)
+
+
+def test_two_identities_are_shown_as_manuals_and_as_tools_write_them(tmp_path: Path) -> None:
+    path = eds(tmp_path / "a.eds", x1018sub2="0x402")
+    path.write_text(path.read_text().replace("[DeviceInfo]", "[DeviceInfo]\nProductNumber=402"))
+    (said,) = foreseen_of(path)
+    assert "1018:02 product is 0x402 (1026), but [DeviceInfo] has 0x192 (402): 1018h counts" in said
+
+
+@pytest.mark.parametrize(("mapped", "loud"), [("1", False), ("0", True), ("-", False)])
+def test_an_object_that_no_pdo_carries_is_said(tmp_path: Path, mapped: str, loud: bool) -> None:
+    path = eds(tmp_path / "a.eds")
+    text = path.read_text().replace("[6041]", "[6041]\nPDOMapping=1")
+    if mapped != "-":
+        text = text.replace("[6071]", f"[6071]\nPDOMapping={mapped}")
+    path.write_text(text)
+    found = [one for one in foreseen_of(path) if "PDOMapping" in one]
+    assert len(found) == loud, found
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "refused"),
+    [("607E", "0x80", True), ("607E", "0", False), ("6072", "100", True), ("6065", "5", False)],
+)
+def test_a_dcf_that_sets_what_a_run_refuses_is_refused(
+    tmp_path: Path, name: str, value: str, refused: bool
+) -> None:
+    path = tmp_path / "a.dcf"
+    eds(path)
+    path.write_text(path.read_text() + entry(value, "0x0006", name=name))
+    if not refused:
+        foreseen_of(path)
+        return
+    with pytest.raises(ConfigError, match=rf"a\.dcf sets what a run refuses: {name}:00"):
+        foreseen_of(path)
 
 
 def test_no_rig_is_made_of_a_file_that_describes_no_drive(tmp_path: Path) -> None:

@@ -99,7 +99,10 @@ def test_parameter_values_of_a_dcf_are_written_and_commands_are_not(tmp_path: Pa
     objects = rig.devices()[0].objects
     assert objects.number(0x6065) == 777
     assert objects.number(0x6071) == 0
-    assert any("test.dcf: 1 written and read back, 0 held" in note for note in rig.driver.notes)
+    assert any(
+        "test.dcf: 1 written and read back, 0 already in the drive" in note
+        for note in rig.driver.notes
+    )
     assert any("6071:00 Target torque (commands and" in note for note in rig.driver.notes)
     rig.driver.close()
 

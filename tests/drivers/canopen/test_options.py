@@ -17,7 +17,8 @@ from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DriverError
 from tautwave.types import SAFE_COMMAND, CommandDelay
 from tautwave_drivers.canopen import plugin
-from tautwave_drivers.canopen.options import facts, nodes_of
+from tautwave_drivers.canopen.foresight import facts
+from tautwave_drivers.canopen.options import nodes_of
 from tautwave_drivers.canopen.scan import ScanOptions, scan
 from tests.drivers.canopen.benches import block, bus_of, driver_options, make, node
 

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 from tautwave.errors import ConfigError
 from tautwave_drivers.canopen.files.choosing import COMMANDS, is_named
-from tautwave_drivers.canopen.files.foreseen import lacking, no_drive
+from tautwave_drivers.canopen.files.foreseen import fixed_otherwise, lacking, no_drive
 from tautwave_drivers.canopen.files.reading import DeviceFile, Setting, read_device_file
 from tautwave_drivers.canopen.files.values import integer
+from tautwave_drivers.canopen.mapping import Mapping as PdoMapping
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402.entry import Entry
 
@@ -30,6 +31,17 @@ def identity_of(file: DeviceFile) -> dict[str, int]:
         for name, (entry, key) in IDENTITY.items()
     }
     return {name: value for name, value in stated.items() if value}
+
+
+def two_identities(file: DeviceFile) -> Iterator[str]:
+    """Yield where 1018h and [DeviceInfo] differ, both as manuals and as tools write numbers."""
+    for name, (entry, key) in IDENTITY.items():
+        held, written = file.number(entry), integer(file.info.get(key))
+        if held and written and held != written:
+            yield (
+                f"{file.path}: {entry.address} {name} is 0x{held:X} ({held}), but [DeviceInfo] has "
+                f"0x{written:X} ({written}): 1018h counts; compare with `tautwave scan canopen`"
+            )
 
 
 def of_another(file: DeviceFile, drive: Mapping[str, int | None], whose: str) -> str:
@@ -69,7 +81,8 @@ def parameters(file: DeviceFile, node_id: int) -> list[Setting]:
 class Use(NamedTuple):
     """A file in a rig: the axis and its node, the path, and what the rig wants of the drive.
 
-    That is its identity, objects of the DCF to include, its mode, and the objects of that.
+    That is its identity, objects of the DCF to include, its mode, the objects of that, and the
+    mappings that would do.
     """
 
     axis: str
@@ -79,6 +92,7 @@ class Use(NamedTuple):
     include: Sequence[str]
     mode: int
     needed: Sequence[Entry]
+    mappings: Sequence[PdoMapping]
 
 
 def check_files(uses: Sequence[Use]) -> None:
@@ -94,18 +108,27 @@ def check_files(uses: Sequence[Use]) -> None:
         raise ConfigError(problems)
 
 
+def why_refused(
+    file: DeviceFile, mode: int, needed: Sequence[Entry], mappings: Sequence[PdoMapping]
+) -> list[str]:
+    """Return why a run would refuse any drive as in the file."""
+    if one := no_drive(file):
+        return [one]
+    return [*lacking(file, mode, needed), *fixed_otherwise(file, mappings)]
+
+
 def _problems(uses: Sequence[Use]) -> Iterator[str]:
     sharing: defaultdict[Path, list[int]] = defaultdict(list)
     for use in uses:
         sharing[Path(use.path).resolve()].append(use.node)
-    for name, node, path, identity, include, mode, needed in uses:
+    for name, node, path, identity, include, mode, needed, mappings in uses:
         try:
             file = read_device_file(path)
             found = parameters(file, node)
         except ConfigError as err:
             yield from (f"{name}: {text}" for text in err.problems)
             continue
-        reasons = [one] if (one := no_drive(file)) else list(lacking(file, mode, needed))
+        reasons = why_refused(file, mode, needed, mappings)
         yield from (f"{name}: {reason}; name this drive's own file" for reason in reasons)
         both = sharing[Path(path).resolve()]
         stated = file.node_id if has_values(file) else None

@@ -17,7 +17,14 @@ from typing import NamedTuple
 
 from tautwave.config.guard import read_guarded
 from tautwave.errors import ConfigError
-from tautwave_drivers.canopen.files.values import TEXTS, TYPES, UnreadableError, encode, integer
+from tautwave_drivers.canopen.files.values import (
+    SIGNED,
+    TEXTS,
+    TYPES,
+    UnreadableError,
+    encode,
+    integer,
+)
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.objects import find
 
@@ -71,7 +78,7 @@ class _Section(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FileObject:
-    """One object of a file: address, name, data type (None: not given), access, texts of values."""
+    """One object of a file: address, name, data type, access, texts of values; None: not given."""
 
     index: int
     sub: int
@@ -80,7 +87,7 @@ class FileObject:
     access: str
     default: str | None
     value: Text | None
-    mappable: bool
+    mappable: bool | None
 
     @property
     def address(self) -> str:
@@ -130,7 +137,11 @@ class DeviceFile(NamedTuple):
         found = self.objects.get((entry.index, entry.sub))
         if found is None:
             return None
-        return integer(found.value.text if found.value else found.default, node_id)
+        value = integer(found.value.text if found.value else found.default, node_id)
+        bits = SIGNED.get(TYPES[entry.type], 0)
+        if value is not None and bits and 1 << (bits - 1) <= value < 1 << bits:
+            value -= 1 << bits  # two's complement in hexadecimal
+        return value
 
     def settings(self, node_id: int) -> Iterator[Setting | str]:
         """Yield the parameter values of objects that can be written; a sentence for a wrong one."""
@@ -386,5 +397,5 @@ def _object(
         (section.get("accesstype") or "").lower(),
         section.get("defaultvalue"),
         listed or section.fields.get("parametervalue"),
-        bool(integer(section.get("pdomapping"))),
+        None if (mapped := integer(section.get("pdomapping"))) is None else bool(mapped),
     )

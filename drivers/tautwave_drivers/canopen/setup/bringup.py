@@ -20,9 +20,10 @@ from tautwave_drivers.canopen.files.belonging import (
 )
 from tautwave_drivers.canopen.files.choosing import choose
 from tautwave_drivers.canopen.files.reading import read_device_file
+from tautwave_drivers.canopen.foresight import files_of
 from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
 from tautwave_drivers.canopen.mapping import RPDO_1, RPDO_2, TPDO_1, Layout, mappings_of
-from tautwave_drivers.canopen.options import CanopenOptions, files_of
+from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.setup.meaning import ZEROED, check_meaning
 from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
 from tautwave_drivers.canopen.setup.settings import (

@@ -11,12 +11,11 @@ name the unit that 6093h to 6096h make, and drives leave anything there (Elmo's 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.errors import DeviceFault
 from tautwave_drivers.canopen.axis import Axis
-from tautwave_drivers.canopen.bus.network import RemoteDrive
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.si_units import (
@@ -27,6 +26,9 @@ from tautwave_drivers.cia402.si_units import (
     velocity_unit,
 )
 from tautwave_drivers.cia402.units import MAXON, MICRO, MILLI
+
+if TYPE_CHECKING:
+    from tautwave_drivers.canopen.bus.network import RemoteDrive
 
 RATIO_TOLERANCE = 1e-4
 """Whole numbers hold the product of counts and gear only to some 1e-5."""
@@ -69,19 +71,11 @@ def check_meaning(drive: RemoteDrive, axis: Axis) -> list[str]:
     DeviceFault
         A number would mean something else than in the rig.
     """
-    read = {entry: drive.find(entry) for row in TABLE for entry in row.entries}
+    read = {entry: drive.find(entry) for entry in ENTRIES}
     notes = []
-    for row in TABLE:
-        verdict = row.judge(read, axis)
+    for _, verdict in verdicts(read, axis):
         if verdict.refusal:
-            shown = ", ".join(
-                f"{entry.address} {entry.name} is {_shown(entry, value)}"
-                for entry in row.entries
-                if (value := read[entry]) is not None
-            )
-            raise DeviceFault(
-                f"{drive.name}: {shown}; right for {row.scales} is {row.right}: {verdict.refusal}"
-            )
+            raise DeviceFault(f"{drive.name}: {verdict.refusal}")
         if verdict.note:
             notes.append(f"{drive.name}{verdict.note}")
     for name, entry in (("home_offset", o.HOME_OFFSET), ("rated_current", o.RATED_CURRENT)):
@@ -91,6 +85,37 @@ def check_meaning(drive: RemoteDrive, axis: Axis) -> list[str]:
     return notes
 
 
+def verdicts(read: Read, axis: Axis) -> Iterator[tuple[Row, Verdict]]:
+    """Yield the verdict on each row; a refusal has the objects, their values and what is right."""
+    for row in TABLE:
+        verdict = row.judge(read, axis)
+        if verdict.refusal:
+            shown = ", ".join(
+                f"{entry.address} {entry.name} is {_shown(entry, value)}"
+                for entry in row.entries
+                if (value := read[entry]) is not None
+            )
+            refusal = f"{shown}; right for {row.scales} is {row.right}: {verdict.refusal}"
+            verdict = Verdict(refusal, verdict.note)
+        yield row, verdict
+
+
+def counts_per_turn(read: Read) -> float | None:
+    """Return what a drive with these values counts per motor turn, None where that is not stated.
+
+    Drives leave 1/1, or 0, in 608Fh where they do not say what encoder they have.
+    """
+    word = read.get(o.POSITION_UNIT)
+    unit = position_unit(word) if word and not is_increments(word) else None
+    if word and unit is not None and not is_length(word):
+        return math.tau / unit / _gear(read)
+    feed = _feed(read)
+    if feed is not None:
+        return feed / _gear(read)
+    increments = _ratio(read, o.ENCODER_INCREMENTS, o.ENCODER_REVOLUTIONS)
+    return None if increments is None or increments <= 1.0 else increments
+
+
 def _shown(entry: Entry, value: int) -> str:
     if entry in (o.POSITION_UNIT, o.VELOCITY_UNIT):
         return f"0x{value:08X} ({unit_text(value)})"
@@ -98,8 +123,12 @@ def _shown(entry: Entry, value: int) -> str:
 
 
 def _ratio(read: Read, numerator: Entry, divisor: Entry) -> float | None:
-    """Return a quotient of two objects, None where it is not stated (absent, 0)."""
-    above, below = read[numerator], read[divisor]
+    """Return a quotient of two objects, None where it is not stated (absent, 0).
+
+    An absent divisor is 1.
+    """
+    above, below = read.get(numerator), read.get(divisor)
+    below = 1 if below is None else below
     return above / below if above and below else None
 
 
@@ -145,7 +174,7 @@ def _feed(read: Read) -> float | None:
 
     Drives that always count increments leave a feed of 1 there.
     """
-    return None if read[o.FEED] == 1 else _ratio(read, o.FEED, o.FEED_REVOLUTIONS)
+    return None if read.get(o.FEED) == 1 else _ratio(read, o.FEED, o.FEED_REVOLUTIONS)
 
 
 def _si_unit(read: Read) -> float | None:
@@ -434,3 +463,4 @@ TABLE = (
     ),
     Row((o.MAX_MOTOR_SPEED,), "the fastest of 606Ch", "velocity_limit", _speed_cap),
 )
+ENTRIES = tuple(entry for row in TABLE for entry in row.entries)
