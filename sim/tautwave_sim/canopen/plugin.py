@@ -9,9 +9,9 @@ from tautwave.contracts import BusSpec, Clock, SimulatorPlugin
 from tautwave.truth import AxisModel
 from tautwave_sim.canopen.bench import CanopenBench, bench
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
-from tautwave_sim.canopen.port import MasterPort, VirtualPort
 from tautwave_sim.canopen.served import serve
 from tautwave_sim.canopen.world import DriveBus
+from tautwave_sim.wire.can_port import MasterPort, VirtualPort
 
 
 class CanopenSimulator:

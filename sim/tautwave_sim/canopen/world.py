@@ -22,10 +22,11 @@ from tautwave_sim.canopen.options import NodeKeys, Quirks, SimulatedCanopenOptio
 from tautwave_sim.cia402 import State
 from tautwave_sim.wire.can import CanTiming
 from tautwave_sim.wire.can_faults import CanFaultPlan
-from tautwave_sim.wire.can_medium import CanMedium, MediumPort
+from tautwave_sim.wire.can_medium import MediumPort
+from tautwave_sim.wire.can_world import CanWorld
 
 
-class DriveBus:
+class DriveBus(CanWorld):
     """A CAN bus with drives on it.
 
     Parameters
@@ -47,15 +48,13 @@ class DriveBus:
         truths: Sequence[AxisModel],
         now_ns: int,
     ) -> None:
-        self._period_ns = bus.period_ns
+        seed = truths[0].seed[:1] if truths else ()
+        plan = CanFaultPlan(options.simulator.faults, seed)
+        timing = CanTiming(options.bitrate, options.data_bitrate)
+        super().__init__(timing, plan, bus.period_ns, now_ns)
         self._sync = options.sync
         self._free = options.simulator.free or not options.sync
-        self._origin_ns: int | None = None
         self._slot = 0
-        seed = truths[0].seed[:1] if truths else ()
-        self.plan = CanFaultPlan(options.simulator.faults, seed)
-        timing = CanTiming(options.bitrate, options.data_bitrate)
-        self.medium = CanMedium(timing, now_ns, self.plan, self.elapsed_ns)
         self.devices: list[Device] = []
         self.axes: list[SimulatedAxis] = []
         self._motors: list[Motor] = []
@@ -94,20 +93,6 @@ class DriveBus:
             if at_s is not None
         ]
         self._due.sort(key=lambda due: due[:2])
-
-    def elapsed_ns(self, t_ns: int) -> int | None:
-        """Return the time since the drives began to move [ns], None before."""
-        return None if self._origin_ns is None else t_ns - self._origin_ns
-
-    def port_fault(self, port: MediumPort) -> str:
-        """Return what ails the master's `port` now: '', `queue_full`, `bus_off` or `bus_down`."""
-        if self.plan.idle:
-            return "bus_off" if port.off else ""
-        ails = self.plan.port(self.elapsed_ns(self.medium.now_ns))
-        self.medium.down = ails == "bus_down"
-        if ails == "bus_off" and not port.off:
-            port.leave(self.medium.now_ns)
-        return "bus_off" if port.off and ails != "bus_down" else ails
 
     # -- events ---------------------------------------------------------------------------
 

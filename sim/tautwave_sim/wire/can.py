@@ -8,6 +8,8 @@ Sources: ISO 11898-1 (frame format, CRC-15, bit stuffing); Davis, Burns, Bril an
 from __future__ import annotations
 
 CRC_POLYNOMIAL = 0x4599
+EXTENDED = 0x80000000
+"""Marks an identifier of 29 bits, as on Linux."""
 INTERMISSION = 3
 """Bits of the pause after a frame; every length here includes them."""
 
@@ -79,9 +81,36 @@ def stuff_bits(can_id: int, data: bytes) -> int:
     return total
 
 
+def extended_bits(can_id: int, data: bytes) -> int:
+    """Return the bits of a classic data frame with a 29-bit identifier, 0 to 8 bytes."""
+    size = len(data)
+    # Start of frame, 11 bits, SRR and IDE (both 1), 18 bits, RTR, r1, r0, length: 39 bits.
+    head = (can_id >> 18 & 0x7FF) << 27 | 0b11 << 25 | (can_id & 0x3FFFF) << 7 | size
+    crc = 0
+    for byte in head.to_bytes(5, "big") + data:
+        crc = (crc << 8 & 0x7FFF) ^ _CRC[crc >> 7 ^ byte]
+    body, length = (head << 8 * size | int.from_bytes(data, "big")) << 15 | crc, 54 + 8 * size
+    run, last, stuffed = 0, -1, 0
+    for at in range(length - 1, -1, -1):
+        bit = body >> at & 1
+        run, last = (run + 1, last) if bit == last else (1, bit)
+        if run == 5:
+            run, last, stuffed = 1, 1 - last, stuffed + 1
+    return length + stuffed + 10 + INTERMISSION  # delimiters, acknowledge, end of frame
+
+
 def frame_bits(can_id: int, data: bytes) -> int:
-    """Return the bits of a classic data frame with an 11-bit identifier, 0 to 8 bytes."""
+    """Return the bits of a classic data frame, 0 to 8 bytes."""
+    if can_id & EXTENDED:
+        return extended_bits(can_id, data)
     return PLAIN + 8 * len(data) + stuff_bits(can_id, data)
+
+
+def priority(can_id: int) -> tuple[int, bool, int]:
+    """Return what decides who gets the bus: of the same 11 bits, the frame without 18 more."""
+    if can_id & EXTENDED:
+        return can_id >> 18 & 0x7FF, True, can_id & 0x3FFFF
+    return can_id, False, 0
 
 
 def fd_size(size: int) -> int:
@@ -89,10 +118,11 @@ def fd_size(size: int) -> int:
     return next(step for step in FD_SIZES if step >= size)
 
 
-def worst_fd_bits(size: int) -> tuple[int, int]:
+def worst_fd_bits(size: int, extended: bool = False) -> tuple[int, int]:
     """Return the most bits of a FD frame with rate switch: at the nominal and at the data rate."""
     padded = fd_size(size)
-    return 32 + INTERMISSION, 28 + 5 * (1 if padded > 16 else 0) + 10 * padded
+    longer = 19 + 19 // 4 if extended else 0
+    return 32 + INTERMISSION + longer, 28 + 5 * (1 if padded > 16 else 0) + 10 * padded
 
 
 class CanTiming:
@@ -103,19 +133,20 @@ class CanTiming:
     bitrate : int
         [bit/s] nominal.
     data_bitrate : int, optional
-        [bit/s] of the data phase; given, all frames are FD frames with rate switch, and taken at
-        their worst.
+        [bit/s] of the data phase of FD frames, which have the rate switched and are taken at their
+        worst; a frame is one unless it is said to be classic.
     """
 
     def __init__(self, bitrate: int, data_bitrate: int | None = None) -> None:
         self.bitrate = bitrate
         self.data_bitrate = data_bitrate
+        self.fd = data_bitrate is not None
 
-    def frame_ns(self, can_id: int, data: bytes) -> int:
+    def frame_ns(self, can_id: int, data: bytes, fd: bool | None = None) -> int:
         """Return how long this frame and the pause after it occupy the bus [ns]."""
-        if self.data_bitrate is None:
+        if self.data_bitrate is None or fd is False:
             return self.bits_ns(frame_bits(can_id, data))
-        nominal, fast = worst_fd_bits(len(data))
+        nominal, fast = worst_fd_bits(len(data), bool(can_id & EXTENDED))
         return round(1e9 * (nominal / self.bitrate + fast / self.data_bitrate))
 
     def bits_ns(self, bits: int) -> int:

@@ -10,10 +10,11 @@ import heapq
 from collections import deque
 from collections.abc import Callable
 
-from tautwave_sim.wire.can import ERROR_FRAME, CanTiming
+from tautwave_sim.wire.can import ERROR_FRAME, CanTiming, priority
 from tautwave_sim.wire.can_faults import CanFaultPlan, CanFaults
 
-Frame = tuple[int, bytes]
+Frame = tuple[int, bytes, bool]
+"""Identifier, data, and whether it is an FD frame."""
 Receiver = Callable[[int, int, bytes], None]
 """Takes arrival [ns], identifier and data."""
 
@@ -57,11 +58,14 @@ class MediumPort:
             return "off"
         return "passive" if self.errors >= PASSIVE else "active"
 
-    def send(self, can_id: int, data: bytes) -> bool:
-        """Queue a frame at the medium's time; return False when the queue is full, or off."""
+    def send(self, can_id: int, data: bytes, fd: bool | None = None) -> bool:
+        """Queue a frame at the medium's time; return False when the queue is full, or off.
+
+        Without `fd` it is an FD frame where the bus has them.
+        """
         if self.off or (self._depth is not None and len(self.queue) >= self._depth):
             return False
-        self.queue.append((can_id, bytes(data)))
+        self.queue.append((can_id, bytes(data), self._medium.timing.fd if fd is None else fd))
         self._medium.start()
         return True
 
@@ -119,8 +123,10 @@ class CanMedium:
         self.listeners: list[Receiver] = []
         """Hear every frame that was not destroyed, when it is over, before anybody receives it."""
         self.down = False
+        self.fd = False
+        """Whether the frame that is being received is an FD frame."""
         self._sender: MediumPort | None = None
-        self._frame: Frame = (0, b"")
+        self._frame: Frame = (0, b"", False)
         self._end_ns = 0
         self._free_ns = now_ns
         self._held = False
@@ -176,7 +182,7 @@ class CanMedium:
             return
         waiting = [port for port in self.ports if port.queue and port.present(self.now_ns)]
         if waiting:
-            best = min(waiting, key=lambda port: port.queue[0][0])
+            best = min(waiting, key=lambda port: priority(port.queue[0][0]))
             self._sender = best
             self._frame = best.queue[0]
             self._end_ns = self.now_ns + self.timing.frame_ns(*self._frame)
@@ -186,7 +192,7 @@ class CanMedium:
         sender, self._sender = self._sender, None
         if sender is None or self.down or not sender.queue or sender.queue[0] is not self._frame:
             return  # the bus was torn down, or its sender left, while it was on its way
-        can_id, data = self._frame
+        can_id, data, fd = self._frame
         outcome = self.plan.frame(self.elapsed(self.now_ns), can_id, data)
         if outcome.destroyed:
             sender.fail(self.now_ns)  # and the frame stays where it was, to be sent again
@@ -198,7 +204,7 @@ class CanMedium:
             listener(self.now_ns, can_id, data)
         if outcome.lost:
             return
-        frame = (can_id, data if outcome.data is None else outcome.data)
+        frame = (can_id, data if outcome.data is None else outcome.data, fd)
         for _ in range(2 if outcome.twice else 1):
             if outcome.late_ns:
                 self._count += 1
@@ -210,6 +216,7 @@ class CanMedium:
     def _deliver(self, sender: MediumPort, frame: Frame) -> None:
         if self.down:
             return
+        can_id, data, self.fd = frame
         for port in self.ports:
             if port is not sender and port.present(self.now_ns):
-                port.receiver(self.now_ns, *frame)
+                port.receiver(self.now_ns, can_id, data)

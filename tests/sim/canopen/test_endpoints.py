@@ -22,8 +22,9 @@ from tautwave.registry import load_simulator
 from tautwave_sim.canopen.bench import CanopenBench, bench
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
 from tautwave_sim.canopen.plugin import CanopenSimulator, simulator
-from tautwave_sim.canopen.served import Gateway, serve
+from tautwave_sim.canopen.served import serve
 from tautwave_sim.canopen.world import DriveBus
+from tautwave_sim.wire.can_served import Gateway
 from tests.sim.truths import truth
 
 can = pytest.importorskip("can")

@@ -1,4 +1,4 @@
-"""The master's end of simulated drives: in memory, or through a real virtual bus of python-can."""
+"""The master's end of a simulated bus: in memory, or through a real virtual bus of python-can."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import Any
 
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
-from tautwave_sim.canopen.world import DriveBus
+from tautwave_sim.wire.can import EXTENDED
+from tautwave_sim.wire.can_medium import Frame
+from tautwave_sim.wire.can_world import CanWorld
 
 INBOX = 10_000
 """Frames that wait for a master that does not read; the oldest are dropped then."""
@@ -28,15 +30,21 @@ class MasterPort:
 
     Parameters
     ----------
-    world : DriveBus
+    world : CanWorld
         The bus.
     clock : Clock
         Time of the master.
     depth : int
         Frames its queue holds.
+
+    Attributes
+    ----------
+    classic_ids : set of int
+        Identifiers of classic frames that came to a port of FD frames.
     """
 
-    def __init__(self, world: DriveBus, clock: Clock, depth: int) -> None:
+    def __init__(self, world: CanWorld, clock: Clock, depth: int) -> None:
+        self.classic_ids: set[int] = set()
         self._world = world
         self._clock = clock
         self._depth = depth
@@ -45,6 +53,9 @@ class MasterPort:
         self._reported = "active"
 
     def _take(self, now_ns: int, can_id: int, data: bytes) -> None:
+        medium = self._world.medium
+        if medium.timing.fd and not medium.fd:
+            self.classic_ids.add(can_id)
         self._inbox.append((can_id, data, now_ns))
 
     @property
@@ -127,31 +138,27 @@ class VirtualPort(MasterPort):
         Of the virtual bus.
     """
 
-    def __init__(self, world: DriveBus, clock: Clock, depth: int, channel: str) -> None:
+    def __init__(self, world: CanWorld, clock: Clock, depth: int, channel: str) -> None:
         super().__init__(world, clock, depth)
         import can
 
-        self._message = can.Message
         self._mine: Any = can.Bus(interface="virtual", channel=channel)
         self._theirs: Any = can.Bus(interface="virtual", channel=channel)
 
     def _take(self, now_ns: int, can_id: int, data: bytes) -> None:
-        self._theirs.send(self._frame(can_id, data))
-
-    def _frame(self, can_id: int, data: bytes) -> Any:
-        return self._message(arbitration_id=can_id, data=data, is_extended_id=False)
+        self._theirs.send(message_of(can_id, data, self._world.medium.fd))
 
     def _transmit(self, can_id: int, data: bytes) -> bool:
         if len(self._port.queue) >= self._depth:
             return False
-        self._mine.send(self._frame(can_id, data))
+        self._mine.send(message_of(can_id, data, self._world.medium.timing.fd))
         self._pull()
         return True
 
     def _pull(self) -> None:
         while (message := self._theirs.recv(0.0)) is not None:
-            if is_data_frame(message):
-                self._port.send(message.arbitration_id, bytes(message.data))
+            if (frame := frame_of(message, self._world)) is not None:
+                self._port.send(*frame)
 
     def advance(self, to_ns: int) -> None:
         """Hand over what was sent, and let the bus go on to `to_ns`."""
@@ -161,9 +168,11 @@ class VirtualPort(MasterPort):
     def readable(self) -> bool:
         """Return whether a frame waits."""
         while (message := self._mine.recv(0.0)) is not None:
-            if is_data_frame(message):
-                frame = (message.arbitration_id, bytes(message.data), self._clock.now_ns())
-                self._inbox.append(frame)
+            if (frame := frame_of(message, self._world)) is not None:
+                can_id, data, fd = frame
+                if self._world.medium.timing.fd and not fd:
+                    self.classic_ids.add(can_id)
+                self._inbox.append((can_id, data, self._clock.now_ns()))
         return bool(self._inbox)
 
     def shut(self) -> None:
@@ -172,8 +181,26 @@ class VirtualPort(MasterPort):
         self._theirs.shutdown()
 
 
-def is_data_frame(message: Any) -> bool:
-    """Return whether a frame of python-can is a classic data frame with an 11-bit identifier."""
-    return not (
-        message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
+def message_of(can_id: int, data: bytes, fd: bool) -> Any:
+    """Return a frame as python-can has it."""
+    import can
+
+    return can.Message(
+        arbitration_id=can_id & ~EXTENDED,
+        data=data,
+        is_extended_id=bool(can_id & EXTENDED),
+        is_fd=fd,
+        bitrate_switch=fd,
     )
+
+
+def frame_of(message: Any, world: CanWorld) -> Frame | None:
+    """Return a frame of python-can for a bus, None if it is none of data that the bus has."""
+    can_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
+    if message.is_remote_frame or message.is_error_frame:
+        return None
+    if (message.is_extended_id and not world.extended) or (
+        message.is_fd and not world.medium.timing.fd
+    ):
+        return None
+    return can_id, bytes(message.data), bool(message.is_fd)

@@ -1,0 +1,125 @@
+"""Frames of 29 bits and of CAN FD on the simulated wire, and a gateway that knows its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave_sim.wire.can import EXTENDED, CanTiming, frame_bits, priority
+from tautwave_sim.wire.can_faults import CanFaultPlan, CanFaults
+from tautwave_sim.wire.can_medium import CanMedium
+from tautwave_sim.wire.can_served import Gateway
+from tautwave_sim.wire.can_world import CanWorld
+
+can = pytest.importorskip("can")
+
+
+def by_hand(number: int, data: bytes) -> int:
+    """Bits of an extended frame from its string of bits, long division and a search for runs."""
+    text = f"0{number >> 18:011b}11{number & 0x3FFFF:018b}000{len(data):04b}"
+    text += "".join(f"{byte:08b}" for byte in data)
+    rest = int(text, 2) << 15
+    for at in range(len(text) - 1, -1, -1):
+        if rest >> at + 15 & 1:
+            rest ^= 0xC599 << at  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1
+    text += f"{rest:015b}"
+    sent = ""
+    for bit in text:
+        sent += bit
+        if sent.endswith(("00000", "11111")):
+            sent += "0" if bit == "1" else "1"
+    return len(sent) + 1 + 2 + 7 + 3  # CRC delimiter, acknowledge and its own, end, intermission
+
+
+@given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
+def test_extended_frames_have_the_bits_that_they_have_by_hand(number: int, data: bytes) -> None:
+    bits = frame_bits(EXTENDED | number, data)
+    assert bits == by_hand(number, data)
+    assert bits <= 67 + 8 * len(data) + (53 + 8 * len(data)) // 4
+
+
+def test_of_the_same_first_bits_the_shorter_identifier_wins() -> None:
+    ids = [EXTENDED | 0x11 << 18, 0x12, EXTENDED | 0x10 << 18 | 5, 0x11]
+    assert sorted(ids, key=priority) == [
+        EXTENDED | 0x10 << 18 | 5,
+        0x11,
+        EXTENDED | 0x11 << 18,
+        0x12,
+    ]
+
+
+def test_classic_and_fd_frames_share_a_bus_and_take_their_own_time() -> None:
+    medium = CanMedium(CanTiming(1_000_000, 5_000_000))
+    heard: list[tuple[int, bytes, bool]] = []
+    medium.port(lambda _, can_id, data: heard.append((can_id, data, medium.fd)))
+    port = medium.port(lambda *_: None)
+    port.send(1, bytes(8))
+    port.send(2, bytes(8), fd=False)
+    fd_ns = medium.next_event_ns()
+    medium.advance(10**7)
+    assert heard == [(1, bytes(8), True), (2, bytes(8), False)]
+    assert fd_ns == round(35e3 + (28 + 80) * 200)
+    assert CanTiming(1_000_000, 5_000_000).frame_ns(2, bytes(8), fd=False) == 1000 * frame_bits(
+        2, bytes(8)
+    )
+
+
+class Plain(CanWorld):
+    """A bus without devices."""
+
+    def __init__(self, data_bitrate: int | None = None) -> None:
+        super().__init__(CanTiming(1_000_000, data_bitrate), CanFaultPlan(CanFaults()), 10**6, 0)
+
+    def next_event_ns(self) -> int | None:
+        return self.medium.next_event_ns()
+
+    def advance(self, to_ns: int) -> None:
+        self.medium.advance(to_ns)
+
+
+class Echoing:
+    """An interface that returns what is sent on it, as udp_multicast does."""
+
+    def __init__(self) -> None:
+        self.frames: list[Any] = []
+        self.send = self.frames.append
+
+    def recv(self, timeout: float) -> Any:
+        return self.frames.pop(0) if self.frames else None
+
+
+def message(can_id: int, data: bytes, **more: bool) -> Any:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=False, **more)
+
+
+def test_a_command_with_the_id_of_an_answer_reaches_the_wire() -> None:
+    world, interface = Plain(), Echoing()
+    heard: list[tuple[int, bytes]] = []
+    device = world.medium.port(lambda _, can_id, data: heard.append((can_id, data)))
+    gateway = Gateway(world, interface)
+    device.send(0x11, b"answer")
+    gateway.run(10**6)  # the answer leaves, and comes back as an echo
+    interface.frames += [message(0x11, b"command"), message(0x11, b"answer")]
+    gateway.run(2 * 10**6)
+    gateway.run(3 * 10**6)
+    assert heard == [(0x11, b"command"), (0x11, b"answer")]
+
+
+@pytest.mark.parametrize("fd", [False, True])
+def test_what_a_bus_does_not_have_stays_outside(fd: bool) -> None:
+    world, interface = Plain(5_000_000 if fd else None), Echoing()
+    heard: list[tuple[int, bool]] = []
+    world.medium.port(lambda _, can_id, __: heard.append((can_id, world.medium.fd)))
+    gateway = Gateway(world, interface)
+    interface.frames += [
+        message(1, b"", is_fd=True),
+        message(2, b""),
+        can.Message(arbitration_id=3, is_extended_id=True),
+        message(4, b"", is_remote_frame=True),
+    ]
+    gateway.run(0)
+    gateway.run(10**6)
+    assert heard == ([(1, True), (2, False)] if fd else [(2, False)])
