@@ -255,7 +255,10 @@ def whole_day(folder: Path, drives: Drives) -> dict[str, Any]:
         for pattern, value in (
             (r"rate_hz: .*", f"rate_hz: {drives.rate_hz}"),
             (r"missing_limit: \d+, overrun_limit: \d+", "missing_limit: 400, overrun_limit: 400"),
-            (r"position_range: .*?]", "position_range: [-0.4, 0.4]"),
+            (
+                r"position_range: .*?]",
+                "position_range: [-0.4, 0.4]\n    mechanical_range: [-0.5, 0.5]",
+            ),
         ):
             text, count = re.subn(pattern, value, text)
             assert count, pattern

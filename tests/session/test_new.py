@@ -26,6 +26,7 @@ from tautwave_drivers.dynamixel.plugin import plugin as dynamixel
 from tautwave_drivers.dynamixel.scan import ScanOptions
 from tautwave_drivers.modbus.plugin import plugin as modbus
 from tautwave_drivers.modbus.scan import ScanOptions as ModbusScan
+from tests.commands import end_stops
 
 pytestmark = pytest.mark.realtime
 
@@ -286,6 +287,7 @@ def test_two_served_arms_are_found_checked_operated_and_exported(tmp_path: Path)
         assert checked.exit_code == 0, checked.output
         # Both arms are simulated beside the run, on a machine that does other things too.
         slow = ["rate_hz=100", "loop.missing_limit=100", "loop.overrun_limit=100"]
+        slow += end_stops(*(f"j{number}" for number in range(1, 7)))
         (tmp_path / "shift.txt").write_text(SHIFT)
         out = tmp_path / "shift"
         ran = CliRunner().invoke(

@@ -28,3 +28,7 @@ class BenchRig(NamedTuple):
 ONE_PAIR = BenchRig("one pair", "bench-1dof-loopback")
 TWO_PAIRS = BenchRig("two pairs", "bench-2axis-loopback")
 RIGS = {rig.name: rig for rig in (ONE_PAIR, TWO_PAIRS)}
+
+END_STOPS = tuple(f"{side}.axes.lever.mechanical_range=[-2.5, 2.5]" for side in ("master", "slave"))
+"""Changes of a shipped rig with one lever a side: what an effort held in a stall may do ends
+at them, so that a rig is certified that waits for seconds."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from tautwave.bench.live.bridges import CLI, beside, cameras_beside, installed
 from tautwave.bench.result import Goal, Suite, Table, Value
-from tautwave.bench.rigs import ONE_PAIR
+from tautwave.bench.rigs import END_STOPS, ONE_PAIR
 from tautwave.clock import MonotonicClock
 from tautwave.config import resolved_yaml
 from tautwave.config.guard import parse_json
@@ -34,7 +34,7 @@ SETTLE_S = 0.3
 """After a turn begins: what was waiting is sent in it."""
 
 BEGIN_S = 60.0
-SETS = ("loop.overrun_limit=20000", "cameras={camera: {driver: synthetic}}")
+SETS = ("loop.overrun_limit=20000", *END_STOPS, "cameras={camera: {driver: synthetic}}")
 
 
 class Viewed(NamedTuple):

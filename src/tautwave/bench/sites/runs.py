@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tautwave.bench.live.child import MAIN
+from tautwave.bench.rigs import END_STOPS
 from tautwave.bench.sites.order import free_port
 from tautwave.config.shipped import copy_example
 from tautwave.errors import LinkError
@@ -21,6 +22,7 @@ from tautwave.sites.certificates import make_authority
 
 SIDES = ("slave", "master")
 EXAMPLE = "network-loopback"
+SETS = ("loop.overrun_limit=2000", *END_STOPS, "link.depth_s=auto")
 LOOK_S = 2.0
 """Time between two looks at the memory of both [s]."""
 SETTLED_S = 20.0
@@ -43,10 +45,8 @@ def run_sites(duration_s: float, rate_hz: float) -> list[dict[str, Any]]:
         folder = Path(name)
         make_authority(folder / "keys", list(SIDES))
         rig = copy_example(EXAMPLE, folder)[0].path
-        changes = (
-            f"sites.port={free_port()}", f"duration_s={duration_s}", f"rate_hz={rate_hz}",
-            "loop.overrun_limit=2000", "link.depth_s=auto",
-        )  # fmt: skip
+        lasting = f"sites.port={free_port()}", f"duration_s={duration_s}", f"rate_hz={rate_hz}"
+        changes = (*lasting, *SETS)
         words = [word for one in changes for word in ("--set", one)]
         runs = []
         for side in SIDES:
