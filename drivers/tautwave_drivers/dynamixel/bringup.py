@@ -15,14 +15,14 @@ from typing import NamedTuple
 from tautwave.contracts import BusSpec
 from tautwave.device_settings import DeviceSetting, DeviceSettings, Lasts, refuse_differences
 from tautwave.errors import DeviceFault, DriverError
-from tautwave_drivers.dynamixel.line.transactions import Line
+from tautwave_drivers.dynamixel.line.transactions import Line, Response
 from tautwave_drivers.dynamixel.options import LAST_ID, DynamixelOptions, Servo
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, status_text
 from tautwave_drivers.dynamixel.protocol.models import CAVEAT, VELOCITY_UNIT, model_name
 from tautwave_drivers.dynamixel.protocol.registers import Register
 from tautwave_drivers.dynamixel.protocol.units import Scale
-from tautwave_drivers.dynamixel.state import AGAIN
+from tautwave_drivers.dynamixel.state import AGAIN, Errors, Remembered, remembered_blocks
 
 REVERSED = 0x01
 PROFILE_BY_TIME = 0x04
@@ -56,22 +56,32 @@ class Bringup:
         What is allowed.
     notes : list of str
         Takes what was found and set.
+    everyone : sequence, optional
+        Id and response of all servos on the line, of which some may obey a goal of this rig beside
+        those it is meant for.
     """
 
     def __init__(
-        self, line: Line, options: DynamixelOptions, bus: BusSpec, notes: list[str]
+        self,
+        line: Line,
+        options: DynamixelOptions,
+        bus: BusSpec,
+        notes: list[str],
+        everyone: Sequence[tuple[int, Response]] = (),
     ) -> None:
         self._line = line
+        self._everyone = everyone
         self._options = options
         self._bus = bus
         self._settings: dict[int, DeviceSettings] = {}
         self.unwatched: dict[str, str] = {}
         self.watchdog_s: dict[str, float] = {}
+        self.errors: dict[int, Errors] = {}
         self.notes = notes
         self.identities: dict[str, dict[str, str]] = {}
 
     def run(self, servos: Sequence[Servo], scales: Sequence[Scale]) -> list[Limits]:
-        """Check and set all servos; return the greatest goal of each.
+        """Check and set all servos, shadows behind those they obey; return the greatest goals.
 
         Raises
         ------
@@ -81,6 +91,7 @@ class Bringup:
             A servo is missing or not the expected model, or lasting settings differ.
         """
         self._settings = {servo.options.id: self._settings_of(servo) for servo in servos}
+        self._reached_twice(servos)
         for servo in servos:
             self._identify(servo)
         for servo in servos:
@@ -123,11 +134,14 @@ class Bringup:
         self.notes.append(
             f"{where}: {servo.model.name}, firmware {firmware}, {volts:.1f} V, {degrees} degC"
         )
-        self.identities[servo.axis.name] = {
-            "model": servo.model.name,
-            "firmware": str(firmware),
-            "homing_offset": str(self._get(servo, reg.HOMING_OFFSET)),
-        }
+        shadow = "" if servo.obeys is None else "shadow_"
+        self.identities.setdefault(servo.axis.name, {}).update(
+            {
+                f"{shadow}model": servo.model.name,
+                f"{shadow}firmware": str(firmware),
+                f"{shadow}homing_offset": str(self._get(servo, reg.HOMING_OFFSET)),
+            }
+        )
         if not watched:
             self.unwatched[servo.axis.name] = (
                 f"(servo {servo.options.id}) keeps following its last command: its firmware "
@@ -139,12 +153,49 @@ class Bringup:
         # Off while no packets reach it; a tripped one locks the goals until 0 is written.
         self._put(servo, reg.BUS_WATCHDOG, 0)
 
+    def _reached_twice(self, servos: Sequence[Servo]) -> None:
+        """Refuse a line on which a goal of this rig also reaches a servo that it is not meant for.
+
+        Such a servo answers no goal: it moves unseen.
+        """
+        axes = {servo.options.id: servo.axis.name for servo in servos}
+        answered = [device_id for device_id, _ in self._everyone]
+        for device_id in sorted(set(answered)):
+            if device_id in axes:
+                if answered.count(device_id) > 1:
+                    raise DriverError(
+                        f"{axes[device_id]} (bus {self._bus.name}): two servos answer as id "
+                        f"{device_id}, so its goals would move both; give one of them another id"
+                    )
+                continue
+            second = self._line.read(device_id, reg.SECONDARY_ID.address, 1)
+            if second is None or not second.data or second.data[0] not in axes:
+                continue
+            obeyed = second.data[0]
+            raise DriverError(
+                f"{axes[obeyed]} (bus {self._bus.name}): servo {device_id} obeys id {obeyed} too "
+                f"(secondary id(12) = {obeyed}), so it would move unseen; state it as shadow: "
+                f"{{id: {device_id}}} of that servo, or set its secondary id to {NO_ID} with the "
+                "vendor's wizard"
+            )
+
     def _healthy(self, servo: Servo) -> None:
         """Refuse a servo with a hardware error; reboot it first where the options ask for that."""
+        shutdown = self._get(servo, reg.SHUTDOWN)
+        tolerated = self._options.tolerated & ~shutdown
+        if tolerated != self._options.tolerated:
+            off = hardware_text(self._options.tolerated & shutdown)
+            self.notes.append(
+                f"{self._where(servo)}: tolerated_errors is without effect for {off}: its "
+                f"shutdown(63) {shutdown:#04x} switches torque off then"
+            )
+        self.errors[servo.options.id] = Errors(tolerated, shutdown)
         error = self._get(servo, reg.HARDWARE_ERROR)
-        if not error:
+        if error and not error & ~tolerated:
+            self.notes.append(f"{self._where(servo)}: {hardware_text(error, shutdown)}; tolerated")
+        if not error & ~tolerated:
             return
-        fault = hardware_text(error, self._get(servo, reg.SHUTDOWN))
+        fault = hardware_text(error, shutdown)
         if self._options.reboot:
             self._line.reboot(servo.options.id)
             for _ in range(REBOOT_PINGS):
@@ -152,31 +203,35 @@ class Bringup:
                     break
             self._line.write(servo.options.id, reg.STATUS_RETURN_LEVEL.address, b"\x02")
             self.notes.append(f"{self._where(servo)}: {fault}; rebooted")
-            if not self._get(servo, reg.HARDWARE_ERROR):
+            if not self._get(servo, reg.HARDWARE_ERROR) & ~tolerated:
                 return
             fault += ", even after a reboot"
         raise DeviceFault(
             f"{self._where(servo)}: {fault}; remove the cause, then switch the servo's power off "
             "and on, or set reboot: true in the bus' options"
+            + ("" if error & shutdown else ", or tolerate it (tolerated_errors)")
         )
 
     def _lasting(self, servo: Servo) -> None:
         """Compare the EEPROM with what the rig needs; write it where that is allowed."""
         delay = round(self._options.return_delay_s / reg.RETURN_DELAY_UNIT_S)
-        if self._get(servo, reg.SECONDARY_ID) <= LAST_ID:
+        if servo.obeys is not None:
+            self._keep(servo, reg.SECONDARY_ID, servo.obeys, "it has to follow that id's goals")
+        elif self._get(servo, reg.SECONDARY_ID) <= LAST_ID:
             self._keep(servo, reg.SECONDARY_ID, NO_ID, "until then it obeys that id's goals too")
         self._keep(servo, reg.OPERATING_MODE, servo.mode)
         self._keep(servo, reg.RETURN_DELAY, delay)
         given = servo.options.current_limit
         if given is not None and servo.model.current_unit > 0.0:
             self._keep(servo, reg.CURRENT_LIMIT, round(given / servo.model.current_unit))
-        self._voltage(servo)
-        offset = self._get(servo, reg.HOMING_OFFSET)
-        if offset:
-            self.notes.append(
-                f"{self._where(servo)}: homing offset(20) is {offset}: its positions, and "
-                "zero_counts, are counted with it"
-            )
+        if servo.obeys is None:
+            self._voltage(servo)
+        else:
+            self._like_the_first(servo)
+        self._keep(
+            servo, reg.HOMING_OFFSET, servo.options.homing_offset, "as homing_offset of the rig; "
+            "its positions, and zero_counts, are counted with it",
+        )  # fmt: skip
         if self._find(servo, reg.STARTUP):
             self._keep(
                 servo, reg.STARTUP, 0, "else torque or old goals come back by themselves after a "
@@ -186,16 +241,16 @@ class Bringup:
             return  # firmware that old has no drive mode either
         drive_mode = self._get(servo, reg.DRIVE_MODE)
         unwanted = TORQUE_BY_GOAL if servo.impedance else TORQUE_BY_GOAL | PROFILE_BY_TIME
+        turned = REVERSED if servo.options.reverse_mode else 0
+        reasons = []
+        if (drive_mode ^ turned) & REVERSED:
+            which = "opposite" if servo.obeys is not None else "reverse_mode"
+            reasons.append(f"it turns the other way than {which} of the rig says")
         if drive_mode & unwanted:
-            self._keep(
-                servo, reg.DRIVE_MODE, drive_mode & ~unwanted, "no torque by a goal alone, no "
-                "profile by time",
-            )  # fmt: skip
-        if drive_mode & REVERSED:
-            self.notes.append(
-                f"{self._where(servo)}: drive mode is reversed in the servo; options.direction "
-                "applies on top of it"
-            )
+            reasons.append("no torque by a goal alone, no profile by time")
+        if reasons:
+            wanted = drive_mode & ~(unwanted | REVERSED) | turned
+            self._keep(servo, reg.DRIVE_MODE, wanted, "; ".join(reasons))
 
     def _voltage(self, servo: Servo) -> None:
         """See that what its motor may get lets it follow its goals."""
@@ -207,6 +262,20 @@ class Bringup:
                 f"{self._where(servo)}: pwm limit(36) is {limit} of {reg.FULL_PWM}: its motor gets "
                 f"at most {100 * limit / reg.FULL_PWM:.0f} % of the supply"
             )
+
+    def _like_the_first(self, shadow: Servo) -> None:
+        """See that a shadow has the limits of the servo whose goals it follows."""
+        first = shadow._replace(
+            options=shadow.options.model_copy(update={"id": shadow.obeys}), obeys=None
+        )
+        limits = [reg.PWM_LIMIT]
+        if shadow.model.current_unit > 0.0:
+            limits.append(reg.CURRENT_LIMIT)
+        if not shadow.impedance:
+            limits += [reg.VELOCITY_LIMIT, reg.MAX_POSITION, reg.MIN_POSITION]
+        for register in limits:
+            wanted = self._get(first, register)
+            self._keep(shadow, register, wanted, f"as servo {shadow.obeys}, whose goals it follows")
 
     def _keep(self, servo: Servo, register: Register, wanted: int, why: str = "") -> None:
         """Compare a lasting register; write it where that is allowed."""
@@ -287,6 +356,18 @@ class Bringup:
                     f"{self._where(servo)}: {setting.name} reads {found} instead of "
                     f"{setting.wanted}: {AGAIN}"
                 )
+
+    def remember(self, servo: Servo, *, mapped: bool) -> Remembered:
+        """Return what a servo holds now, to compare with once it may have forgotten.
+
+        `mapped`: its indirect addresses as well.
+        """
+        held = {}
+        for block in remembered_blocks(mapped=mapped):
+            found = self._line.read(servo.options.id, block.address, block.size)
+            if found is not None and not found.number and len(found.data) == block.size:
+                held[block] = found.data  # older firmware lacks some
+        return held
 
     def arm(self, servo: Servo) -> None:
         """Write the bus watchdog and read it back; it runs once torque is on."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from tautwave.contracts import READ_SHARE, Budget, BusSpec
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
-from tautwave_drivers.dynamixel.state import FORGETS_NS, TORQUE
+from tautwave_drivers.dynamixel.state import FORGETS_NS, TORQUE, remembered_blocks
 
 BITS_PER_BYTE = 10
 
@@ -29,7 +29,7 @@ STATUS_BLOCK = 13
 class Traffic(NamedTuple):
     """What one cycle puts on the line: servos by command, bytes read of each, and how.
 
-    `followers` take positions.
+    `followers` take positions; `shadows` are only read, as they obey the goals of others.
     """
 
     impedance: int
@@ -37,11 +37,12 @@ class Traffic(NamedTuple):
     size: int = BLOCK
     fast: bool = False
     followers: int = 0
+    shadows: int = 0
 
     @property
     def servos(self) -> int:
         """How many are read."""
-        return self.impedance + self.admittance + self.followers
+        return self.impedance + self.admittance + self.followers + self.shadows
 
     @property
     def sent(self) -> int:
@@ -76,7 +77,9 @@ def traffic_of(options: DynamixelOptions, bus: BusSpec) -> Traffic:
     followers = sum(axis.takes_position for axis in bus.axes)
     size = STATUS_BLOCK if options.status_block else BLOCK
     others = len(bus.axes) - impedance - followers
-    return Traffic(impedance, others, size, options.read == "fast_sync", followers)
+    used = {axis.device_id for axis in bus.axes}
+    shadows = sum(one.shadow is not None for one in options.servos if one.id in used)
+    return Traffic(impedance, others, size, options.read == "fast_sync", followers, shadows)
 
 
 def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
@@ -99,6 +102,8 @@ def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
             f"a servo can restart within a period: {traffic.servos} x {each * 1e3:.3f} ms to check "
             f"that none did = {exchange * 1e3:.3f} ms (status_block: true reads it with the rest)"
         )
+    if not options.status_block:
+        lines.append(_read_back(options))
     needed = exchange / READ_SHARE
     lines.append(
         f"responses have to be in by {READ_SHARE:.0%} of the period: "
@@ -108,6 +113,18 @@ def budget(options: DynamixelOptions, bus: BusSpec) -> Budget:
     remedies = _remedies(options, bus, traffic)
     remedy = f"more axes or a higher rate, each alone: {', '.join(remedies)}" if remedies else ""
     return Budget(needed, 1.0 / needed, "\n".join(lines), remedy)
+
+
+def _read_back(options: DynamixelOptions) -> str:
+    """Say what reading back costs of a servo that may have forgotten."""
+    sizes = [TORQUE.size, *(block.size for block in remembered_blocks(mapped=False))]
+    each = (READ_BYTES + max(sizes)) * BITS_PER_BYTE / options.baud
+    each += options.return_delay_s + options.latency_s
+    return (
+        f"a servo that was not heard for 20 ms is read back in {len(sizes)} reads of at most "
+        f"{each * 1e3:.3f} ms, unseen meanwhile: in what is left of each period, else one instead "
+        "of the samples (status_block: true needs none)"
+    )
 
 
 def _exchange_s(options: DynamixelOptions, traffic: Traffic) -> float:

@@ -25,13 +25,14 @@ from tautwave_drivers.dynamixel.exchange import Exchange, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
 from tautwave_drivers.dynamixel.leaving import leave, leave_again, torque_packet
 from tautwave_drivers.dynamixel.line.ftdi import set_latency_timer
-from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine
-from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos
+from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine, Response, ping_all
+from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos, with_shadows
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.indirect import map_status_block
-from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of
+from tautwave_drivers.dynamixel.protocol.models import COUNTS_PER_TURN
+from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of, whole_turns
 from tautwave_drivers.dynamixel.staging import Staging
-from tautwave_drivers.dynamixel.state import FORGETS_NS
+from tautwave_drivers.dynamixel.state import FORGETS_NS, Errors, Remembered
 from tautwave_drivers.dynamixel.watching import Watch
 from tautwave_drivers.serial_port import SerialPort
 
@@ -70,27 +71,39 @@ class DynamixelDriver(DriverBase):
         self._options = options
         self._clock = clock
         self._transport = transport
-        self._servos = match_servos(options, bus)
-        self._scales = [scale_of(servo) for servo in self._servos]
-        self._units = [_units(*pair) for pair in zip(self._servos, self._scales, strict=True)]
+        self._axes = match_servos(options, bus)
+        """The servos of the axes, in their order."""
+        self._servos = with_shadows(self._axes)
+        self._axis_of = [at for at, _ in enumerate(self._axes)]
+        self._axis_of += [at for at, one in enumerate(self._axes) if one.options.shadow is not None]
+        count = len(self._axes)
+        self._shadows = list(enumerate(self._axis_of[count:], count))
+        self._set_scales([scale_of(servo) for servo in self._axes])
+        self._surveyed = False
         self._ids = [servo.options.id for servo in self._servos]
-        self._limits = [Limits(0, 0)] * len(self._servos)
+        self._limits = [Limits(0, 0)] * len(self._axes)
         self._port: BytePort | None = None
         self._enabling: Enabling | None = None
         self._sent_ns = 0
         self._status_block = options.status_block
         self._armed: list[int | None] = [watchdog_units(options)] * len(self._servos)
+        self._held: list[Remembered] = [{} for _ in self._servos]
+        self._errors = [Errors(options.tolerated)] * len(self._servos)
         self._first = False
         self._watchdog_ns = round(options.watchdog_s * 1e9)
         self._lost = ""
         self.watchdog_s = {
             axis.name: watchdog_units(options) * reg.WATCHDOG_UNIT_S for axis in bus.axes
         }
-        self._torques = [at for at, servo in enumerate(self._servos) if servo.impedance]
+        self._torques = [at for at, servo in enumerate(self._axes) if servo.impedance]
         self.columns = [f"{bus.axes[at].name}.motor_effort" for at in self._torques]
         self._motor_steps = [
             self._scales[at].direction * self._scales[at].effort for at in self._torques
         ]
+
+    def _set_scales(self, scales: Sequence[Scale]) -> None:
+        self._scales = scales
+        self._units = [_units(*pair) for pair in zip(self._axes, scales, strict=True)]
 
     # -- before the loop --------------------------------------------------------------------
 
@@ -104,20 +117,30 @@ class DynamixelDriver(DriverBase):
             from tautwave_drivers.dynamixel.line.sdk import SdkLine
 
             slow = SdkLine(port, self._clock, self._options.baud, self._options.latency_s)
-        bringup = Bringup(slow, self._options, self._bus, self.notes)
-        self._limits = bringup.run(self._servos, self._scales)
+        everyone: list[tuple[int, Response]] = []
+        if not self._surveyed:  # it takes most of a second: not again where a run resets a device
+            everyone = ping_all(port, self._clock, self._options.baud)
+        bringup = Bringup(slow, self._options, self._bus, self.notes, everyone)
+        self._set_scales([scale_of(servo) for servo in self._axes])
+        scales = [self._scales[at] for at in self._axis_of]
+        self._limits = bringup.run(self._servos, scales)[: len(self._axes)]
+        self._surveyed = True
         self.identities.update(bringup.identities)
         units = watchdog_units(self._options)
         self._armed[:] = [
             None if servo.axis.name in bringup.unwatched else units for servo in self._servos
         ]
+        self._errors[:] = [bringup.errors[one] for one in self._ids]
         if self._options.status_block:
             map_status_block(slow, self._servos)
         self._build(port)
         self._try_reading()
+        self._unwind()
         for servo in self._servos:
             bringup.arm(servo)
         bringup.verify(self._servos)
+        mapped = self._options.status_block
+        self._held[:] = [bringup.remember(servo, mapped=mapped) for servo in self._servos]
         self.watchdog_s, self.unwatched = bringup.watchdog_s, bringup.unwatched
 
     def _open_port(self) -> BytePort:
@@ -150,13 +173,52 @@ class DynamixelDriver(DriverBase):
             Timing(options.baud, options.return_delay_s, options.latency_s),
             fast=options.read == "fast_sync",
         )
-        self._staging = Staging(self._servos, self._scales, self._limits)
-        self._watch = Watch(self._line, self._clock, self._servos, self._bus, options, self._armed)
+        self._staging = Staging(self._axes, self._scales, self._limits)
+        self._watch = Watch(
+            self._line,
+            self._clock,
+            self._servos,
+            self._bus,
+            options,
+            self._armed,
+            self._held,
+            self._errors,
+        )
+
+    def _unwind(self) -> None:
+        """Take whole turns off that a servo counts since it was last switched on.
+
+        Raises
+        ------
+        DriverError
+            More than one number of turns would bring an axis into its range.
+        """
+        scales = list(self._scales)
+        for at, (servo, scale) in enumerate(zip(self._axes, scales, strict=True)):
+            values = self._exchange.values[at]
+            if values is None or servo.mode == reg.POSITION_MODE:
+                continue
+            turns = whole_turns(scale, values[3], servo.axis.position_range)
+            if turns is None:
+                raise DriverError(
+                    f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id}): it is "
+                    "whole turns off, and its position_range has room for more than one number of "
+                    "turns; switch the servo off and on"
+                )
+            if turns:
+                scales[at] = scale._replace(zero_counts=scale.zero_counts + turns * COUNTS_PER_TURN)
+                self.notes.append(
+                    f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id}): counts "
+                    f"{turns:+d} whole turn{'' if abs(turns) == 1 else 's'} since it was switched "
+                    "on; taken off: only so it is within position_range"
+                )
+        self._set_scales(scales)
+        self._staging = Staging(self._axes, self._scales, self._limits)
 
     def attach(self, port: BytePort) -> None:
         """Take a line with servos taken for enabled, without a packet: to measure a cycle."""
         self._line = PacketLine(port, self._clock, self._options.baud, self._options.latency_s)
-        self._limits = [Limits(CURRENT_RANGE, CURRENT_RANGE)] * len(self._servos)
+        self._limits = [Limits(CURRENT_RANGE, CURRENT_RANGE)] * len(self._axes)
         self._port = port
         self._build(port)
         self._sent_ns = self._clock.now_ns()
@@ -203,6 +265,7 @@ class DynamixelDriver(DriverBase):
                 self._staging.packet(),  # zero since they were made
                 round(KEEP_ALIVE_SHARE * self._watchdog_ns),
                 self._armed,
+                self._errors,
             )
             return False
         ready = self._enabling.step()
@@ -237,17 +300,17 @@ class DynamixelDriver(DriverBase):
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the measured states; not valid where no response came by the deadline."""
         if self._port is None or self._lost:
-            return [MISSING] * len(self._servos)
+            return [MISSING] * len(self._axes)
         watch = self._watch
         try:
             if watch.requests and watch.urgent:
                 watch.read_pending(deadline_ns, self._faults)
-                return [MISSING] * len(self._servos)
+                return [MISSING] * len(self._axes)
             self._exchange.collect(deadline_ns)
             states = []
             alert = 0
             for (position, velocity, effort, zero), values in zip(
-                self._units, self._exchange.values, strict=True
+                self._units, self._exchange.values, strict=False
             ):
                 if values is None:
                     states.append(MISSING)
@@ -262,6 +325,8 @@ class DynamixelDriver(DriverBase):
                         0,
                     )
                 )
+            if self._shadows:
+                alert |= self._join(states)
             if self._exchange.returned:
                 if self._on:
                     watch.note_returned(self._exchange.returned)
@@ -273,16 +338,35 @@ class DynamixelDriver(DriverBase):
                 watch.status(self._exchange.values, self._faults)
         except DriverError as err:
             self._lose(err)
-            return [MISSING] * len(self._servos)
+            return [MISSING] * len(self._axes)
         for index in watch.unseen:
-            states[index] = MISSING
+            states[self._axis_of[index]] = MISSING
         return states
+
+    def _join(self, states: list[JointState]) -> int:
+        """Put what the shadows measure to the axes they move; return their alerts.
+
+        An axis of which one motor is not heard is not seen.
+        """
+        alert = 0
+        values = self._exchange.values
+        for at, axis in self._shadows:
+            first, second = values[axis], values[at]
+            if second is None:
+                states[axis] = MISSING
+                continue
+            alert |= second[0]
+            if first is not None:
+                mean = 0.5 * (first[1] + second[1])
+                states[axis] = states[axis]._replace(effort=mean * self._units[axis][2])
+        return alert
 
     def _take(self, commands: Sequence[AxisCommand]) -> None:
         """Stage one command per axis for the next request."""
         if self._watch.failed:
+            failed = {self._axis_of[index] for index in self._watch.failed}
             commands = [
-                SAFE_COMMAND if index in self._watch.failed else command
+                SAFE_COMMAND if index in failed else command
                 for index, command in enumerate(commands)
             ]
         self._staging.put(commands)

@@ -9,7 +9,13 @@ from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.dynamixel.options import Servo
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text
-from tautwave_drivers.dynamixel.state import FORGETS_NS, TORQUE, state_fault, state_register
+from tautwave_drivers.dynamixel.state import (
+    FORGETS_NS,
+    TORQUE,
+    Errors,
+    state_fault,
+    state_register,
+)
 
 AGAIN_NS = 30_000_000
 TRIES = 20
@@ -35,8 +41,8 @@ class Enabling:
         Packet to all servos that keeps their watchdogs from tripping.
     feed_ns : int
         Longest time between two of them [ns].
-    armed : sequence of int or None
-        Each servo's bus watchdog.
+    armed, errors
+        Each servo's bus watchdog, and what it does about hardware errors.
     """
 
     def __init__(
@@ -49,6 +55,7 @@ class Enabling:
         feed: bytes,
         feed_ns: int,
         armed: Sequence[int | None],
+        errors: Sequence[Errors],
     ) -> None:
         self._port = port
         self._clock = clock
@@ -58,6 +65,7 @@ class Enabling:
         self._feed = feed
         self._feed_ns = feed_ns
         self._armed = armed
+        self._errors = errors
         self._buffer = bytearray()
         self._at = 0
         self._sent_ns = self._fed_ns = clock.now_ns()
@@ -105,12 +113,13 @@ class Enabling:
         self._pending = False
         if not self._on[self._at]:
             error = found.data[TORQUE.size - 1]
-            if error:
-                text = f"{hardware_text(error)}; torque stays off"
+            errors = self._errors[self._at]
+            if error & ~errors.tolerated:
+                text = hardware_text(error, errors.shutdown)
                 raise DeviceFault(f"{self._where(servo)}: {text}")
             if not found.data[0]:
                 return  # asked again
-        text = state_fault(found.data, armed)
+        text = state_fault(found.data, armed, self._errors[self._at])
         if text:
             raise DeviceFault(f"{self._where(servo)}: {text}")
         self._on[self._at] = True

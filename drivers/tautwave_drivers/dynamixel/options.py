@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -25,6 +26,13 @@ def _known(version: float) -> float:
 
 Protocol = Annotated[float, AfterValidator(_known)]
 
+ErrorName = Literal["input_voltage", "overheat", "encoder", "electrical_shock", "overload"]
+
+ERROR_BITS: dict[str, int] = {
+    "input_voltage": 0, "overheat": 2, "encoder": 3, "electrical_shock": 4, "overload": 5
+}  # fmt: skip
+"""Bits of Hardware Error Status(70), as `Shutdown(63)` of the e-manual has them."""
+
 WATCHED_PERIODS = 3
 """Shortest watchdog, in periods of the bus."""
 
@@ -33,6 +41,18 @@ LAST_ID = 252
 
 USB_LATENCY_S = 0.001
 """Latency timer of a USB adapter as it should be set; FTDI's default is 0.016."""
+
+
+class ShadowOptions(BaseModel):
+    """The second servo of a joint that two move: it obeys the goals of the first."""
+
+    model_config = STRICT
+
+    id: Annotated[int, Field(ge=0, le=LAST_ID)]
+    opposite: bool = True
+    """Whether it is mounted the other way round, so that Drive Mode(10) has to turn it."""
+    homing_offset: int = 0
+    """Homing Offset(20) that it is to have [pulse]."""
 
 
 class ServoOptions(BaseModel):
@@ -54,6 +74,15 @@ class ServoOptions(BaseModel):
     """Position of the servo at the axis' zero [pulse]."""
     current_limit: Positive | None = None
     """[A] Current Limit(38) to set in the servo; if not given, the servo's own is only checked."""
+    homing_offset: int = 0
+    """Homing Offset(20) that it is to have [pulse]: its positions, and `zero_counts`, are counted
+    with it."""
+    reverse_mode: bool = False
+    """Whether Drive Mode(10) turns the servo's own counts and goals round; `direction` applies on
+    top of it."""
+    shadow: ShadowOptions | None = None
+    """A second servo on the same joint, with Secondary ID(12) of this one: both get the same goals
+    and share the effort of the axis."""
 
 
 class DynamixelOptions(BaseModel):
@@ -80,6 +109,10 @@ class DynamixelOptions(BaseModel):
     """[s] Return Delay Time(9) to set in the servos, in steps of 2 us."""
     watchdog_s: Annotated[float, Field(ge=0.02, le=2.54)] = 0.1
     """[s] Bus Watchdog(98): a servo that gets no packet for that long stops."""
+    tolerated_errors: list[ErrorName] = []
+    """Hardware errors(70) that are reported without stopping the run: input_voltage, overheat,
+    encoder, electrical_shock, overload. Only those that the servos' own Shutdown(63) leaves out:
+    with the others their torque is off."""
     reboot: bool = False
     """Reboot a servo that reports a hardware error when the bus is opened; otherwise refuse it."""
     transport: Literal["own", "sdk"] = "own"
@@ -87,6 +120,11 @@ class DynamixelOptions(BaseModel):
     always this package."""
     simulator: dict[str, Any] = {}
     """For the simulated servos only."""
+
+    @property
+    def tolerated(self) -> int:
+        """Bits of Hardware Error Status(70) that stop nothing."""
+        return sum(1 << ERROR_BITS[name] for name in dict.fromkeys(self.tolerated_errors))
 
     @property
     def latency_s(self) -> float:
@@ -102,6 +140,8 @@ class Servo(NamedTuple):
     axis: AxisSpec
     options: ServoOptions
     model: Model
+    obeys: int | None = None
+    """Id of the servo whose goals it follows, as its shadow."""
 
     @property
     def impedance(self) -> bool:
@@ -121,6 +161,24 @@ class Servo(NamedTuple):
         """[N m/A] At the horn."""
         given = self.options.torque_constant
         return self.model.torque_constant if given is None else given
+
+
+def with_shadows(servos: Sequence[Servo]) -> list[Servo]:
+    """Return the servos of the axes, and behind them the shadows of those that have one."""
+    shadows = []
+    for servo in servos:
+        given = servo.options.shadow
+        if given is None:
+            continue
+        own = {
+            "id": given.id,
+            "homing_offset": given.homing_offset,
+            "reverse_mode": servo.options.reverse_mode != given.opposite,
+            "shadow": None,
+        }
+        options = servo.options.model_copy(update=own)
+        shadows.append(servo._replace(options=options, obeys=servo.options.id))
+    return [*servos, *shadows]
 
 
 def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
@@ -144,6 +202,16 @@ def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
         if servo.id in by_id:
             problems.append(f"bus {bus.name}: servo id {servo.id} is listed twice")
         by_id[servo.id] = servo
+    shadows: set[int] = set()
+    for servo in options.servos:
+        if servo.shadow is None:
+            continue
+        if servo.shadow.id in by_id or servo.shadow.id in shadows:
+            problems.append(
+                f"bus {bus.name}: servo {servo.shadow.id} is the shadow of servo {servo.id} and "
+                "moves with it; list it once, and give it no axis of its own"
+            )
+        shadows.add(servo.shadow.id)
     found = []
     for axis in bus.axes:
         one = by_id.get(axis.device_id)
@@ -200,7 +268,7 @@ def _refusal(
     if known == 0.0:
         return where + f"the stall torque of a {model.name} is not known; give torque_constant"
     unit = model.current_unit
-    count = unit * known * servo.gear_ratio
+    count = unit * known * servo.gear_ratio * (1 if servo.shadow is None else 2)
     most = model.current_range * count
     if axis.causality == "impedance" and axis.effort_limit >= most + count:
         return where + (

@@ -11,9 +11,9 @@ from tautwave.clock import MonotonicClock
 from tautwave.contracts import BytePort, Clock, ScanProgress, no_progress
 from tautwave.errors import ConfigError
 from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s
-from tautwave_drivers.dynamixel.line.transactions import PacketLine, Protocol1Line
+from tautwave_drivers.dynamixel.line.transactions import PacketLine, Protocol1Line, ping_all
 from tautwave_drivers.dynamixel.options import LAST_ID, STRICT, Protocol
-from tautwave_drivers.dynamixel.protocol import packet, packet1
+from tautwave_drivers.dynamixel.protocol import packet1
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, protocol1_text
 from tautwave_drivers.dynamixel.protocol.models import MODELS, VELOCITY_UNIT, model_name
@@ -25,13 +25,6 @@ LATENCY_S = 0.002
 
 HOST_S = 0.005
 """Of this machine, for each of the many unused ids in protocol 1.0."""
-
-LONGEST_S = 0.017
-"""The longest latency timer, for the one broadcast ping of protocol 2.0."""
-
-TURN_S = 0.003
-"""Time slot of every id after a broadcast ping, as dynamixel-sdk counts it."""
-
 
 TRIES = 3
 """Pings of an id that was given; a busy host can miss a response."""
@@ -125,18 +118,9 @@ def _ping_all(
                 number = reg.MODEL_NUMBER.decode(response.data)
                 found.append((device_id, number, response.data[2]))
         return found
-    port.read()
-    port.write(packet.build(packet.BROADCAST, packet.PING))
-    window_ns = round(1e9 * (253 * TURN_S + LONGEST_S + 24 * 10.0 / baud))
-    until = clock.now_ns() + window_ns
-    buffer = bytearray()
-    while clock.wait(port, until):
-        buffer += port.read()
-        while (one := packet.take_packet(buffer)) is not None:
-            if one.instruction == packet.STATUS and len(one.data) >= 3:
-                number = reg.MODEL_NUMBER.decode(one.data)
-                found.append((one.device_id, number, one.data[2]))
-                until = clock.now_ns() + window_ns
+    for device_id, response in ping_all(port, clock, baud):
+        number = reg.MODEL_NUMBER.decode(response.data)
+        found.append((device_id, number, response.data[2]))
     return found
 
 

@@ -240,11 +240,10 @@ class ServoBus:
         if packet.device_id != BROADCAST:
             self._single(able, packet._replace(instruction=0), now_ns)
             return
-        by_id = {servo.device_id: servo for servo in able}
         for device_id, address, data in _writes(packet, protocol):
-            servo = by_id.get(device_id)
-            if servo is not None:
-                servo.write(address, data, now_ns)
+            for servo in able:
+                if device_id in (servo.device_id, servo.second_id):
+                    servo.write(address, data, now_ns)
 
     def _exchange(self, able: list[Servo], heard: _Heard, now_ns: int) -> None:
         packet = heard.packet

@@ -118,6 +118,16 @@ class SimulatorOptions(BaseModel):
     """A symbolic link to the pseudo-terminal, which stays the same over unplug and replug."""
 
 
+class ShadowOptions(BaseModel):
+    """A second servo on the joint of another, as the driver describes it too."""
+
+    model_config = LENIENT
+
+    id: DeviceId
+    opposite: bool = True
+    homing_offset: int = 0
+
+
 class ServoOptions(BaseModel):
     """One servo on the line, as the driver describes it too."""
 
@@ -130,6 +140,9 @@ class ServoOptions(BaseModel):
     direction: Literal[1, -1] = 1
     zero_counts: int | None = None
     current_limit: Annotated[float, Field(gt=0.0)] | None = None
+    homing_offset: int = 0
+    reverse_mode: bool = False
+    shadow: ShadowOptions | None = None
 
     @field_validator("model")
     @classmethod
@@ -154,6 +167,7 @@ class DynamixelOptions(BaseModel):
     @model_validator(mode="after")
     def _servos_and_registers_exist(self) -> DynamixelOptions:
         there = {servo.id for servo in self.servos}
+        there |= {servo.shadow.id for servo in self.servos if servo.shadow is not None}
         for device_id in self.simulator.servos:
             if device_id not in there:
                 raise ValueError(f"simulator.servos names servo {device_id}, which is not listed")

@@ -225,7 +225,7 @@ class Servo:
 
     def read(self, address: int, length: int, now_ns: int) -> Reply | None:
         """Respond to a read; None where no fresh sample came, and the servo stays silent."""
-        if not self._refresh(now_ns):
+        if not self.refresh(now_ns):
             return None
         data = self.memory.read(address, length)
         return Reply(p2.ACCESS_ERROR) if data is None else Reply(0, data)
@@ -295,7 +295,7 @@ class Servo:
             self._sample = Sample(self.slot, counts, state.valid, state.effort)
         return self._sample
 
-    def _refresh(self, now_ns: int) -> bool:
+    def refresh(self, now_ns: int) -> bool:
         """Bring the registers of present values up to this slot; False: there is no sample."""
         sample = self._measure()
         self.motor.hold_against(
@@ -331,6 +331,40 @@ class Servo:
         memory.poke("Present Temperature", round(motor.temperature_c))
         memory.poke("Present Input Voltage", round(motor.voltage * 10.0))
         memory.poke("Moving", int(self._moving()))
+
+
+class Shadow(Servo):
+    """The second servo of a joint: it obeys the goals of the first, which moves the axis for both.
+
+    Parameters
+    ----------
+    first : Servo
+        That one; its effort is that of both motors.
+    memory : Memory
+        Its own registers.
+    truth : AxisModel
+        Of the axis.
+    """
+
+    def __init__(self, first: Servo, memory: Memory, truth: AxisModel) -> None:
+        self._first = first
+        super().__init__(first.model, memory, first.axis, truth, first.joint)
+
+    def pass_slot(self, time_ns: int) -> None:
+        """Let time pass: its watchdog."""
+        self._watch(time_ns)
+        self.slot += 1
+
+    def _update_joint(self) -> None:
+        """Do nothing: it shows what the first measures."""
+
+    def refresh(self, now_ns: int) -> bool:
+        """Show what the first measures; False: there is no sample."""
+        fresh = self._first.refresh(now_ns)
+        for name in ("Present Position", "Present Velocity", "Present Current", "Present Load"):
+            if self.memory.has(name) and self._first.memory.has(name):
+                self.memory.poke(name, self._first.memory.peek(name))
+        return fresh
 
 
 def _sided(value: float) -> int:

@@ -27,9 +27,10 @@ from tautwave_sim.dynamixel.options import (
     FaultOptions,
     ServoOptions,
     ServoQuirks,
+    ShadowOptions,
     SimulatorOptions,
 )
-from tautwave_sim.dynamixel.servo import Servo
+from tautwave_sim.dynamixel.servo import Servo, Shadow
 from tautwave_sim.wire.pty import serve_line
 from tautwave_sim.wire.serial import MemoryPort, SerialLine
 
@@ -70,6 +71,10 @@ class ServoWorld:
             _servo(options, spec, axis, truth)
             for spec, axis, truth in zip(bus.axes, self.axes, truths, strict=True)
         ]
+        for servo, truth in zip(list(self.servos), truths, strict=True):
+            given = next(one for one in options.servos if one.id == servo.memory.peek("ID"))
+            if given.shadow is not None:
+                self.servos.append(_shadow(options, given.shadow, servo, truth))
         faults = options.simulator.faults
         events = [one.event() for one in faults.events]
         seed = (faults.seed, zlib.crc32(bus.name.encode()))
@@ -121,6 +126,21 @@ def _servo(
     return servo
 
 
+def _shadow(
+    options: DynamixelOptions, given: ShadowOptions, first: Servo, truth: AxisModel
+) -> Shadow:
+    """Return the second servo of a joint, set as the first but for its id and what turns it."""
+    names = ("Baud Rate", "Return Delay Time", "Operating Mode", "Current Limit")
+    memory = first.memory
+    registers = {name: memory.peek(name) for name in names if memory.has(name)}
+    registers |= {"ID": given.id, "Homing Offset": given.homing_offset}
+    registers["Secondary(Shadow) ID"] = first.device_id
+    if memory.has("Drive Mode"):
+        registers["Drive Mode"] = memory.peek("Drive Mode") ^ int(given.opposite)
+    quirks = options.simulator.servos.get(given.id, ServoQuirks())
+    return Shadow(first, Memory(first.model, registers | quirks.registers), truth)
+
+
 def _registers(
     options: DynamixelOptions, given: ServoOptions, model: Model, spec: AxisSpec
 ) -> dict[str, int]:
@@ -135,6 +155,10 @@ def _registers(
     if options.simulator.factory:
         return registers
     registers["Return Delay Time"] = round(options.return_delay_s / DELAY_UNIT_S)
+    if given.homing_offset:
+        registers["Homing Offset"] = given.homing_offset
+    if given.reverse_mode:
+        registers["Drive Mode"] = 1
     if model.protocol >= 2.0:
         current = any(item.name == "Goal Current" for item in model.items)
         impedance = spec.causality == "impedance" and current
@@ -153,12 +177,15 @@ def _joint(given: ServoOptions, model: Model) -> Joint:
         effort = model.current_unit_a * constant
     else:
         effort = LOAD_UNIT * model.stall_torque
+    if given.shadow is not None:
+        effort *= 2.0  # two motors with the same current
+    zero = model.centre_counts if given.zero_counts is None else given.zero_counts
     return Joint(
         position=model.turn_rad / model.counts / gear,
         velocity=model.velocity_unit_rpm * REV_PER_MIN / gear,
         effort=effort * gear,
-        direction=given.direction,
-        zero=model.centre_counts if given.zero_counts is None else given.zero_counts,
+        direction=-given.direction if given.reverse_mode else given.direction,
+        zero=zero - given.homing_offset,
     )
 
 

@@ -187,10 +187,12 @@ def test_a_tripped_watchdog_is_armed_again() -> None:
 def test_torque_that_a_goal_would_switch_on_is_configured_away() -> None:
     quirk = {"servos": {1: {"registers": {"Drive Mode": 9}}}}
     given = {"servos": [servo(1, "XL330-M288")], "simulator": quirk}
-    with pytest.raises(DriverError, match=r"drive mode\(10\) 9 -> 1"):
+    with pytest.raises(DriverError, match=r"drive mode\(10\) 9 -> 0"):
         bench(spec(1, effort=0.2), **given).driver.open()
+    opened(bench(spec(1, effort=0.2), bus={"configure": True}, **given))
+    given["servos"][0]["reverse_mode"] = True
     made = opened(bench(spec(1, effort=0.2), bus={"configure": True}, **given))
-    assert any("reversed in the servo" in note for note in made.driver.notes)
+    assert made.peek(0, "Drive Mode") == 1
 
 
 def test_too_old_a_firmware_for_a_fast_read_is_reported() -> None:

@@ -55,8 +55,10 @@ def rig(*registers: dict[int, tuple[int, int]], rate_hz: float = 1000.0, **more:
         clock, *(servo_line.Servo(one, each) for one, each in zip(ids, registers, strict=True))
     )
     configure = more.pop("configure", False)
-    bus = bus_of(*(spec(one) for one in ids), configure=configure)._replace(rate_hz=rate_hz)
-    options = plugin.options.model_validate(block(*(servo(one) for one in ids), **more))
+    given = more.pop("servos", [servo(one) for one in ids])
+    axes = [spec(one["id"]) for one in given]
+    bus = bus_of(*axes, configure=configure)._replace(rate_hz=rate_hz)
+    options = plugin.options.model_validate(block(*given, **more))
     return Rig(plugin.make(options, bus, clock, line), line, clock, round(1e9 / rate_hz))
 
 
@@ -255,7 +257,14 @@ def test_a_servo_that_obeys_a_second_id_is_refused_and_configure_ends_it(shadow:
     ("register", "wrong", "right", "words"),
     [
         (10, 8, 0, r"drive mode\(10\) 8 -> 0 \(no torque by a goal alone"),
-        (10, 9, 1, r"drive mode\(10\) 9 -> 1 "),
+        (
+            10,
+            9,
+            0,
+            r"drive mode\(10\) 9 -> 0 \(it turns the other way than reverse_mode of the rig",
+        ),
+        (10, 1, 0, r"drive mode\(10\) 1 -> 0 \(it turns the other way"),
+        (20, -1024, 0, r"homing offset\(20\) -1024 -> 0 \(as homing_offset of the rig"),
         (11, 3, 0, r"operating mode\(11\) 3 \(position\) -> 0 \(current\)"),
         (servo_line.SHADOW, 3, 255, r"secondary id\(12\) 3 -> 255"),
         (36, 0, 885, r"pwm limit\(36\) 0 -> 885 \(its motor gets no voltage"),
@@ -292,8 +301,6 @@ def test_a_goal_pwm_that_another_program_left_is_taken_back() -> None:
     ("register", "value", "words"),
     [
         (36, 300, "pwm limit(36) is 300 of 885: its motor gets at most 34 % of the supply"),
-        (20, -1024, "homing offset(20) is -1024"),
-        (10, 1, "drive mode is reversed in the servo"),
     ],
 )
 def test_what_may_be_meant_is_said(register: int, value: int, words: str) -> None:

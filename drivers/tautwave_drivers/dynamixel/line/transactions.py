@@ -19,6 +19,12 @@ is the host."""
 
 TRIES = 3
 
+LONGEST_S = 0.017
+"""The longest latency timer, for the one broadcast ping of protocol 2.0."""
+
+TURN_S = 0.003
+"""Time slot of every id after a broadcast ping, as dynamixel-sdk counts it."""
+
 
 class Response(NamedTuple):
     """A servo's response: the error byte, and data as read."""
@@ -114,6 +120,23 @@ class PacketLine:
             if found is not None:
                 return Response(found.error, found.data)
         return None
+
+
+def ping_all(port: BytePort, clock: Clock, baud: int) -> list[tuple[int, Response]]:
+    """Return id and response of all servos that answer a broadcast ping, as often as they do."""
+    found = []
+    port.read()
+    port.write(packet.build(packet.BROADCAST, packet.PING))
+    window_ns = round(1e9 * (253 * TURN_S + LONGEST_S + 24 * 10.0 / baud))
+    until = clock.now_ns() + window_ns
+    buffer = bytearray()
+    while clock.wait(port, until):
+        buffer += port.read()
+        while (one := packet.take_packet(buffer)) is not None:
+            if one.instruction == packet.STATUS and len(one.data) >= 3:
+                found.append((one.device_id, Response(one.error, one.data)))
+                until = clock.now_ns() + window_ns
+    return found
 
 
 class Protocol1Line:

@@ -67,8 +67,21 @@ PRESENT_TEMPERATURE = Register("present temperature", 146, 1)
 PRESENT = Register("present current, velocity, position", 126, 10)
 """The block of every cycle: three registers that lie side by side."""
 
+KEPT = (
+    (DRIVE_MODE, OPERATING_MODE, SECONDARY_ID),
+    (HOMING_OFFSET,),
+    (PWM_LIMIT, CURRENT_LIMIT, VELOCITY_LIMIT),
+    (STARTUP, SHUTDOWN),
+    (BUS_WATCHDOG, GOAL_PWM),
+    (PROFILE_ACCELERATION, PROFILE_VELOCITY),
+)
+"""What a run relies on beside torque enable, by neighbours that one read takes."""
+
 INDIRECT_ADDRESS = 168
 """First of the 2-byte registers that say what appears at the indirect data, all X models."""
+
+STATUS_BYTES = PRESENT.size + TORQUE_ENABLE.size + HARDWARE_ERROR.size + BUS_WATCHDOG.size
+"""Of the block that the indirect addresses make."""
 
 FULL_PWM = 885
 """PWM Limit(36) and Goal PWM(100) of the whole supply."""

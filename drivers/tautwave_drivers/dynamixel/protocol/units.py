@@ -40,6 +40,23 @@ class Scale(NamedTuple):
         return self.zero_counts + self.direction * math.floor(position / self.position + 0.5)
 
 
+def whole_turns(scale: Scale, counts: int, position_range: tuple[float, float]) -> int | None:
+    """Return the whole turns of a servo that have to be taken off its counts.
+
+    0 where it is within its range, or no number of turns brings it there; None where several do.
+    """
+    low, high = position_range
+    position = scale.direction * (counts - scale.zero_counts) * scale.position
+    if low <= position <= high:
+        return 0
+    turn = scale.direction * COUNTS_PER_TURN * scale.position
+    ends = sorted(((position - low) / turn, (position - high) / turn))
+    first, last = math.ceil(ends[0]), math.floor(ends[1])
+    if first > last:
+        return 0
+    return first if first == last else None
+
+
 def scale_of(servo: Servo) -> Scale:
     """Return the units of a servo at its axis."""
     gear = servo.options.gear_ratio
@@ -47,6 +64,8 @@ def scale_of(servo: Servo) -> Scale:
         effort = servo.model.current_unit * servo.torque_constant
     else:
         effort = LOAD_UNIT * servo.model.stall_torque
+    if servo.options.shadow is not None or servo.obeys is not None:
+        effort *= 2.0  # two motors follow the same goal
     return Scale(
         position=2.0 * math.pi / COUNTS_PER_TURN / gear,
         velocity=VELOCITY_UNIT / gear,
