@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import datetime
+import queue
 import socket
-import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -19,17 +19,16 @@ from tautwave.errors import LinkError
 from tautwave.sites import certificates
 from tautwave.sites.certificates import identity_files, make_authority
 from tautwave.sites.control import (
-    Channel,
-    Session,
-    accept,
+    Meeting,
     client_context,
     dial,
     differences,
+    meeting,
     server_context,
 )  # fmt: skip
+from tautwave.sites.reception import Outcome, Reception
 
 SHARED = {"rate_hz": 1000.0, "pairs": {"lever": {"wave_impedance": 0.05}}}
-Outcome = tuple[Channel, Session] | LinkError
 
 
 @pytest.fixture(scope="module")
@@ -55,28 +54,21 @@ def caught(call: Callable[[], Any]) -> Outcome:
 
 def meet(
     listener: socket.socket,
-    serving: Callable[[socket.socket], Any],
+    serving: Callable[[socket.socket], Meeting],
     dialling: Callable[[tuple[str, int]], Any],
 ) -> tuple[Outcome, Outcome]:
     """Run both ends; return what each made of it: (serving, dialling)."""
-    found: list[Outcome] = []
-
-    def serve() -> None:
-        connection, _ = listener.accept()
-        found.append(caught(lambda: serving(connection)))
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    dialled = caught(lambda: dialling(listener.getsockname()))
-    thread.join()
-    return found[0], dialled
+    found: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
+    with Reception(listener, serving, found.put):
+        dialled = caught(lambda: dialling(listener.getsockname()))
+        return found.get(timeout=60.0), dialled
 
 
 def serving(
     directory: Path, peer: str = "master", shared: Mapping[str, Any] = SHARED
-) -> Callable[[socket.socket], Any]:
+) -> Callable[[socket.socket], Meeting]:
     context = server_context(identity_files(directory, "slave"))
-    return lambda connection: accept(connection, context, peer, shared, {"port": 1})
+    return lambda connection: meeting(connection, context, peer, shared, {"port": 1})
 
 
 def dialling(

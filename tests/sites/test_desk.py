@@ -150,16 +150,15 @@ def test_a_site_that_says_nothing_is_dropped_and_not_before(
     order = Order("slave", "master", True, "127.0.0.1", 1, str(keys / "ours"), SHARED, {})
     one, other = socket.socketpair()
     end, far = socket.socketpair()
-    listener = socket.create_server(("127.0.0.1", 0))
     said: list[Any] = []
-    with one, other, end, far, listener:
+    with one, other, end, far:
         kept = Desk(order, one)
         silent: Any = SimpleNamespace(
             fileno=end.fileno, send=said.append, poll=lambda: None, close=lambda: None
         )
         kept._channel, kept._heard = silent, time.monotonic()
         kept._looked = kept._heard
-        work = threading.Thread(target=kept._work, args=(listener,))
+        work = threading.Thread(target=kept._work, args=(None,))
         work.start()
         other.settimeout(30.0)
         assert json.loads(other.recv(1000)) == {"lost": "master was silent for 0.6 s"}

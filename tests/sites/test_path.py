@@ -192,7 +192,9 @@ def test_a_report_without_numbers_is_a_sentence() -> None:
 def test_a_taken_port_is_a_sentence(keys: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = taken.getsockname()[:2]
-        with pytest.raises(LinkError, match=f"TCP port {address[1]}: Address already in use"):
+        with pytest.raises(
+            LinkError, match=f"TCP port {address[1]} at 127.0.0.1: Address already in use"
+        ):
             next(serve_tests(keys, "slave", "master", address))
 
 

@@ -11,7 +11,7 @@ import secrets
 import socket
 import ssl
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -25,7 +25,12 @@ PROTOCOL = 1
 
 MOST_BYTES = 65536
 PATIENCE_S = 5.0
-"""Time for a handshake or an answer [s]."""
+"""Time for a handshake with all its answers, or for one message later [s]."""
+AGAIN_S = 0.25
+"""Time between two attempts to dial [s]."""
+CROWDED = (
+    "ended the handshake without a word: too many connections at its port, or another program there"
+)
 
 
 class Session(NamedTuple):
@@ -79,8 +84,22 @@ def _context(protocol: int, files: Identity) -> ssl.SSLContext:
     return context
 
 
+class Wish(NamedTuple):
+    """What a `Meeting` waits for: its socket readable, or `writing`.
+
+    `leaving`: it has failed, and only lets the other side read why.
+    """
+
+    writing: bool = False
+    leaving: bool = False
+
+
 class RefusedError(LinkError):
     """The other site is there and refuses a session, or is another one; trying again is useless."""
+
+
+class DroppedError(LinkError):
+    """The other end closed the connection without a word; trying again may help."""
 
 
 class _Broken(Exception):
@@ -92,7 +111,7 @@ class Channel:
 
     def __init__(self, connection: ssl.SSLSocket, where: str) -> None:
         self._connection = connection
-        self._where = where
+        self.where = where
         self._waiting = b""
 
     def fileno(self) -> int:
@@ -105,7 +124,7 @@ class Channel:
             self._connection.settimeout(PATIENCE_S)
             self._connection.sendall(json.dumps(message).encode() + b"\n")
         except OSError as err:
-            raise LinkError(f"{self._where}: {_why(err)}") from err
+            raise LinkError(f"{self.where}: {_why(err)}") from err
 
     def receive(self, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
         """Return the next message; raises `LinkError` where none comes, or what came is not one.
@@ -130,14 +149,14 @@ class Channel:
     def _gone(self, err: _Broken) -> LinkError:
         self.close()
         refused = _is_refusal(err.__cause__)  # TLS 1.3 says so after the handshake
-        return (RefusedError if refused else LinkError)(f"{self._where}: {err}")
+        return (RefusedError if refused else LinkError)(f"{self.where}: {err}")
 
     def _receive(self, timeout_s: float) -> dict[str, Any]:
         deadline = time.monotonic() + timeout_s
         while b"\n" not in self._waiting:
             left = deadline - time.monotonic()
             if left <= 0.0:
-                raise LinkError(f"{self._where}: no message within {timeout_s:g} s")
+                raise LinkError(f"{self.where}: no message within {timeout_s:g} s")
             self._more(left)
         return self._message()
 
@@ -167,11 +186,24 @@ class Channel:
             raise _Broken("sent an invalid message")
         return message
 
-    def refuse(self, why: str, *, for_now: bool = False) -> None:
-        """Say why nothing comes of it, or not `for_now`, and close."""
+    def refuse(self, why: str) -> None:
+        """Say why nothing comes of it, and close."""
         with suppress(LinkError):
-            self.send({"refused": why, "for_now": for_now})
+            self.send(_refusal(why))
         self.close()
+
+    def turn_away(self, theirs: str, ours: str, *, for_now: bool = False) -> Generator[Wish]:
+        """Say why nothing comes of it, or not `for_now`; once it is read, raise it as ours."""
+        self.send(_refusal(theirs, for_now=for_now))
+        yield from _leave(self._connection)
+        raise LinkError(f"{self.where}: {ours}")
+
+    @property
+    def names(self) -> list[str]:
+        """The names in the other side's certificate."""
+        certificate = self._connection.getpeercert() or {}
+        stated: Any = certificate.get("subjectAltName", ())
+        return [value for kind, value in stated if kind == "DNS"]
 
     def close(self) -> None:
         """Close the connection; never raises."""
@@ -181,15 +213,19 @@ class Channel:
         self._connection.close()
 
 
-def accept(
+Meeting = Generator[Wish, None, tuple[Channel, Session]]
+"""A handshake that never blocks: it is resumed when what it yields has come about."""
+
+
+def meeting(
     connection: socket.socket,
     context: ssl.SSLContext,
     peer: str,
     shared: Mapping[str, Any],
     facts: Mapping[str, Any],
     busy: Callable[[], str] = str,
-) -> tuple[Channel, Session]:
-    """Agree on a session with a site that dialled.
+) -> Meeting:
+    """Agree on a session with a site that dialled, without waiting for it.
 
     Parameters
     ----------
@@ -209,34 +245,71 @@ def accept(
     Raises
     ------
     LinkError
-        It is not that site, or something differs; the other one gets a sentence too.
+        It is not that site, or something differs; the other one gets a sentence too. A
+        `TimeoutError` thrown in ends it as one that took too long.
     """
     try:
         where = "{}:{}".format(*connection.getpeername()[:2])
     except OSError as err:
         connection.close()
         raise LinkError(f"a peer connected and disconnected immediately ({err.strerror})") from err
-    connection.settimeout(PATIENCE_S)
-    spare = connection.dup()  # TLS closes its own on a failure
     try:
-        secured = context.wrap_socket(connection, server_side=True)
+        connection.setblocking(False)
+        secured = context.wrap_socket(connection, server_side=True, do_handshake_on_connect=False)
     except OSError as err:
-        _linger(spare)
+        connection.close()
         raise LinkError(f"{where}: {_why(err)}") from err
-    finally:
-        spare.close()
-    channel = Channel(secured, where)
-    names = [value for kind, value in _names(secured) if kind == "DNS"]
+    try:
+        yield from _secure(secured, where)
+        return (yield from _agree(Channel(secured, where), peer, shared, facts, busy))
+    except TimeoutError as err:
+        secured.close()
+        raise LinkError(f"{where}: {_why(err)}") from err
+    except BaseException:
+        secured.close()
+        raise
+
+
+def _secure(secured: ssl.SSLSocket, where: str) -> Generator[Wish]:
+    """Shake hands by TLS."""
+    while True:
+        try:
+            secured.do_handshake()
+        except ssl.SSLWantReadError:
+            yield Wish()
+        except ssl.SSLWantWriteError:
+            yield Wish(writing=True)
+        except OSError as err:
+            yield from _leave(secured)
+            raise LinkError(f"{where}: {_why(err)}") from err
+        else:
+            return
+
+
+def _agree(
+    channel: Channel,
+    peer: str,
+    shared: Mapping[str, Any],
+    facts: Mapping[str, Any],
+    busy: Callable[[], str],
+) -> Meeting:
+    """Draw a session, if it is the right site and nothing differs."""
+    names = channel.names
     if names != [peer]:
         found = ", ".join(names) or "nobody"
-        channel.refuse(f"your certificate belongs to {found}, but {peer} is expected here")
-        raise LinkError(f"{where}: its certificate belongs to {found}, not to {peer}")
-    hello = _answer(channel, where)
-    _compare(channel, where, hello, shared)
+        yield from channel.turn_away(
+            f"your certificate belongs to {found}, but {peer} is expected here",
+            f"its certificate belongs to {found}, not to {peer}",
+        )
+    while (hello := channel.poll()) is None:
+        yield Wish()
+    _heed(hello, channel.where)
+    objection = _objection(hello, shared)
+    if objection:
+        yield from channel.turn_away(*objection)
     why = busy()
     if why:
-        channel.refuse(why, for_now=True)
-        raise LinkError(f"{where}: refused: {why}")
+        yield from channel.turn_away(why, f"refused: {why}", for_now=True)
     session = Session(
         secrets.token_bytes(SESSION_BYTES),
         secrets.token_bytes(SECRET_BYTES),
@@ -252,13 +325,16 @@ def accept(
     return channel, session
 
 
-def _linger(connection: socket.socket) -> None:
+def _leave(secured: ssl.SSLSocket) -> Generator[Wish]:
     """Let the other side read why: closing with its bytes unread would take that back."""
-    with suppress(OSError):
-        connection.shutdown(socket.SHUT_WR)
-        connection.settimeout(0.5)
-        while connection.recv(4096):
-            pass
+    with suppress(OSError):  # and with it a TimeoutError thrown in: that was all the time there is
+        secured.shutdown(socket.SHUT_WR)  # from here on it reads what comes, not TLS
+        while True:
+            try:
+                if not secured.recv(4096):
+                    return
+            except BlockingIOError:
+                yield Wish(leaving=True)
 
 
 def dial(
@@ -268,21 +344,47 @@ def dial(
     shared: Mapping[str, Any],
     facts: Mapping[str, Any],
 ) -> tuple[Channel, Session]:
-    """Agree on a session with a site that serves; arguments and errors as in `accept`."""
+    """Agree on a session with a site that serves, within `PATIENCE_S`; arguments as `meeting`.
+
+    Raises
+    ------
+    LinkError
+        It is not there, or does not answer.
+    DroppedError
+        It ended the connection without a word.
+    RefusedError
+        It refuses, or is not that site.
+    """
     where = f"{peer} at {address[0]}:{address[1]}"
+    deadline = time.monotonic() + PATIENCE_S
     try:
         connection = socket.create_connection(address, timeout=PATIENCE_S)
     except OSError as err:
         raise LinkError(f"{where}: {_why(err)}") from err
     try:
+        connection.settimeout(max(1e-3, deadline - time.monotonic()))
         secured = context.wrap_socket(connection, server_hostname=peer)
     except OSError as err:
         connection.close()
-        raise (RefusedError if _is_refusal(err) else LinkError)(f"{where}: {_why(err)}") from err
+        if _is_refusal(err):
+            raise RefusedError(f"{where}: {_why(err)}") from err
+        if isinstance(err, ConnectionError | ssl.SSLError):
+            raise DroppedError(f"{where}: {CROWDED}") from err
+        raise LinkError(f"{where}: {_why(err)}") from err
     channel = Channel(secured, where)
-    channel.send({"protocol": PROTOCOL, "shared": shared, "facts": facts})
-    answer = _answer(channel, where)
-    _compare(channel, where, answer, shared)
+    try:
+        channel.send({"protocol": PROTOCOL, "shared": shared, "facts": facts})
+        answer = channel.receive(max(1e-3, deadline - time.monotonic()))
+        _heed(answer, where)
+    except LinkError as err:
+        channel.close()
+        if isinstance(err.__cause__, _Broken | OSError) and not isinstance(err, RefusedError):
+            raise DroppedError(f"{where}: {CROWDED}") from err
+        raise
+    theirs, ours = _objection(answer, shared) or ("", "")
+    if ours:
+        channel.refuse(theirs)
+        raise RefusedError(f"{where}: {ours}")
     session = _bytes(answer, "session", SESSION_BYTES)
     secret = _bytes(answer, "secret", SECRET_BYTES)
     if session is None or secret is None:
@@ -299,29 +401,30 @@ def _bytes(message: Mapping[str, Any], key: str, size: int) -> bytes | None:
     return found if len(found) == size else None
 
 
-def _answer(channel: Channel, where: str) -> dict[str, Any]:
-    message = channel.receive()
+def _heed(message: Mapping[str, Any], where: str) -> None:
+    """Raise what a refusal says."""
     if "refused" in message:
-        channel.close()
         kind = LinkError if message.get("for_now") is True else RefusedError
         raise kind(f"{where}: refused: {message['refused']}")
-    return message
 
 
-def _compare(
-    channel: Channel, where: str, message: Mapping[str, Any], shared: Mapping[str, Any]
-) -> None:
-    theirs = message.get("protocol")
-    if theirs != PROTOCOL:
-        channel.refuse(f"protocol {PROTOCOL} here, {theirs} there; use the same version of both")
-        raise RefusedError(
-            f"{where}: protocol {theirs} there, {PROTOCOL} here; use the same version"
+def _refusal(why: str, *, for_now: bool = False) -> dict[str, Any]:
+    return {"refused": why, "for_now": for_now}
+
+
+def _objection(message: Mapping[str, Any], shared: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return why a first message makes no session, as the other side and as this one says it."""
+    version = message.get("protocol")
+    if version != PROTOCOL:
+        return (
+            f"protocol {PROTOCOL} here, {version} there; use the same version of both",
+            f"protocol {version} there, {PROTOCOL} here; use the same version",
         )
     theirs = _table(message, "shared")
     found = _listed(shared, theirs)
     if found:
-        channel.refuse(f"the rigs differ: {_listed(theirs, shared)}")
-        raise RefusedError(f"{where}: the rigs differ: {found}")
+        return f"the rigs differ: {_listed(theirs, shared)}", f"the rigs differ: {found}"
+    return None
 
 
 def _listed(here: Mapping[str, Any], there: Mapping[str, Any]) -> str:
@@ -332,11 +435,6 @@ def _listed(here: Mapping[str, Any], there: Mapping[str, Any]) -> str:
 def _table(message: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     found = message.get(key)
     return found if isinstance(found, dict) else {}
-
-
-def _names(connection: ssl.SSLSocket) -> list[tuple[str, str]]:
-    certificate = connection.getpeercert() or {}
-    return list(certificate.get("subjectAltName", ()))  # type: ignore[arg-type]
 
 
 def _is_refusal(err: BaseException | None) -> bool:

@@ -13,10 +13,11 @@ import json
 import queue
 import select
 import socket
+import ssl
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,29 +25,27 @@ from typing import Any, NamedTuple
 from tautwave.errors import LinkError, TautwaveError
 from tautwave.sites.certificates import identity_files
 from tautwave.sites.control import (
+    AGAIN_S,
     Channel,
+    Meeting,
     RefusedError,
-    Session,
-    accept,
     client_context,
     dial,
+    meeting,
     server_context,
 )
+from tautwave.sites.reception import Outcome, Reasons, Reception, serve_at
 
 BEAT_S = 0.25
 SILENT_S = 1.0
 """A site not heard for so long may be replaced by one that dials with its certificate [s]."""
 GONE_S = 5.0
 """A site silent for this long counts as lost [s]."""
-AGAIN_S = 0.25
-"""Time between two attempts to dial [s]."""
-MOST_AT_ONCE = 8
-"""Handshakes at the same time; one more is refused and may try again."""
 MOST_BYTES = 65536
 
 
 class Order(NamedTuple):
-    """What a desk has to know; `keys` is a directory, `shared` and `facts` as for `accept`."""
+    """What a desk has to know; `keys` is a directory, `shared` and `facts` as for `meeting`."""
 
     site: str
     peer: str
@@ -65,48 +64,54 @@ class Desk:
         self._order = order
         self._local = local
         self._files = identity_files(Path(order.keys), order.site)
-        self._done: queue.SimpleQueue[tuple[Channel, Session] | LinkError] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
         self._wake, self._woken = socket.socketpair()
+        self._wake.setblocking(False)
         self._channel: Channel | None = None
         self._session = ""
         self._heard = self._looked = 0.0
-        self._busy = 0
+        self._dialling = False
         self._dial_at = 0.0
-        self._noted = ""
+        self._reasons = Reasons()
 
     def run(self) -> None:
         """Work until the loop says `bye` or its process has ended."""
         order = self._order
         if not order.serves:
-            self._work(None)
+            self._work(client_context(self._files))
             return
-        listener = serve_at(order.host, order.port)
-        with listener:
-            self._work(listener)
+        with serve_at(order.host, order.port) as listener:
+            self._serve(listener)
 
-    def _work(self, listener: socket.socket | None) -> None:
-        context = (server_context if listener else client_context)(self._files)
+    def _serve(self, listener: socket.socket) -> None:
+        order, context = self._order, server_context(self._files)
+
+        def meet(connection: socket.socket) -> Meeting:
+            return meeting(connection, context, order.peer, order.shared, order.facts, self._taken)
+
+        with Reception(listener, meet, self._done_with):
+            self._work(None)
+
+    def _work(self, context: ssl.SSLContext | None) -> None:
+        """Keep what there is of a session; dial for one where there is a context for that."""
         beat = 0.0
         while True:
             now = time.monotonic()
             self.look(now)
-            idle = listener is None and self._channel is None and not self._busy
-            if idle and now >= self._dial_at:
-                self._start(lambda: self._dial(context))
+            idle = self._channel is None and not self._dialling
+            if context is not None and idle and now >= self._dial_at:
+                self._dial(context)
             if self._channel is not None and now >= beat:
                 beat = now + BEAT_S
                 self._say({"beat": True})
             if self._channel is not None and now - self._heard > GONE_S:
                 self._drop(f"{self._order.peer} was silent for {GONE_S:g} s")
             waiting: list[Any] = [self._local, self._woken]
-            waiting += [listener] if listener else []
             waiting += [self._channel] if self._channel is not None else []
             ready, _, _ = select.select(waiting, [], [], 0.5 * BEAT_S)
             if self._woken in ready:
                 self._woken.recv(64)
                 self._arrive()
-            if listener in ready and listener is not None:
-                self._welcome(listener, context)
             if self._channel is not None and self._channel in ready:
                 self._hear()
             if self._local in ready and not self._obey():
@@ -120,44 +125,35 @@ class Desk:
 
     # -- the other site ---------------------------------------------------------------------
 
-    def _welcome(self, listener: socket.socket, context: Any) -> None:
-        connection, _ = listener.accept()
-        if self._busy >= MOST_AT_ONCE:
-            connection.close()
-            return
-        order = self._order
-        self._start(
-            lambda: accept(connection, context, order.peer, order.shared, order.facts, self._taken)
-        )
-
     def _taken(self) -> str:
         """Return why no site can join now."""
         if self._channel is None or self._looked - self._heard > SILENT_S:
             return ""
         return f"{self._order.peer} is already in a session here"
 
-    def _dial(self, context: Any) -> tuple[Channel, Session]:
+    def _dial(self, context: ssl.SSLContext) -> None:
+        """Dial in a thread of its own: a slow answer holds up nothing."""
         order = self._order
-        where = (order.host, order.port)
-        return dial(where, context, order.peer, order.shared, order.facts)
-
-    def _start(self, meet: Callable[[], tuple[Channel, Session]]) -> None:
-        """Shake hands in a thread of its own: a slow one holds up nothing."""
-        self._busy += 1
+        self._dialling = True
 
         def work() -> None:
-            found: tuple[Channel, Session] | LinkError
+            found: Outcome
             try:
-                found = meet()
+                where = (order.host, order.port)
+                found = dial(where, context, order.peer, order.shared, order.facts)
             except LinkError as err:
                 found = err
             except OSError as err:
                 found = LinkError(f"connection lost ({err.strerror or err})")
-            self._done.put(found)
-            with suppress(OSError):
-                self._wake.send(b"!")
+            self._done_with(found)
 
         threading.Thread(target=work, daemon=True).start()
+
+    def _done_with(self, found: Outcome) -> None:
+        """Hand over what came of a handshake; called in other threads."""
+        self._done.put(found)
+        with suppress(OSError):
+            self._wake.send(b"!")
 
     def _arrive(self) -> None:
         """Take what came of handshakes."""
@@ -166,13 +162,11 @@ class Desk:
                 found = self._done.get_nowait()
             except queue.Empty:
                 return
-            self._busy -= 1
+            self._dialling = False
             if isinstance(found, LinkError):
                 self._dial_at = time.monotonic() + AGAIN_S
                 final = isinstance(found, RefusedError) and not self._order.serves
-                why = str(found).partition(": ")[2]
-                if why != self._noted:  # a site that is still not there is no news
-                    self._noted = why
+                if self._reasons.is_news(found) or final:
                     self._tell("refused" if final else "note", str(found))
                 continue
             if self._channel is not None:
@@ -180,7 +174,7 @@ class Desk:
             self._channel, session = found
             self._session = session.id.hex()
             self._heard = time.monotonic()
-            self._noted = ""
+            self._reasons = Reasons()
             self._tell("joined", {
                 "session": session.id.hex(), "secret": session.secret.hex(),
                 "peer": session.peer, "facts": dict(session.facts),
@@ -248,15 +242,6 @@ class Desk:
     def _close(self) -> None:
         if self._channel is not None:
             self._channel.close()
-
-
-def serve_at(host: str, port: int) -> socket.socket:
-    """Return a listening socket; raises `LinkError` where the port is taken."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        return socket.create_server((host, port), family=family)
-    except OSError as err:
-        raise LinkError(f"TCP port {port} at {host or 'any address'}: {err.strerror}") from err
 
 
 def main() -> int:

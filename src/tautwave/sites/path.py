@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+import queue
 import socket
+import ssl
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tautwave.clock import MonotonicClock
 from tautwave.errors import ConfigError, LinkError
 from tautwave.sites.certificates import identity_files
-from tautwave.sites.control import Channel, accept, client_context, dial, server_context
+from tautwave.sites.control import (
+    AGAIN_S,
+    PATIENCE_S,
+    Channel,
+    DroppedError,
+    Meeting,
+    Session,
+    client_context,
+    dial,
+    meeting,
+    server_context,
+)
 from tautwave.sites.datagrams import DataPort, open_socket
 from tautwave.sites.probe import Heard, Way, delays_of, probe, way_of
+from tautwave.sites.reception import Outcome, Reasons, Reception, serve_at
 
 PURPOSE = {"purpose": "link test"}
 """So that a run never agrees with a test."""
@@ -62,28 +78,45 @@ def serve_tests(
         The port is taken.
     """
     context = server_context(identity_files(directory, site))
-    try:
-        listener = socket.create_server(address)
-    except OSError as err:
-        raise LinkError(f"TCP port {address[1]}: {err.strerror}") from err
-    with listener:
+    found: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
+    testing = threading.Event()
+
+    def meet(connection: socket.socket) -> Meeting:
+        return meeting(connection, context, peer, PURPOSE, {}, busy)
+
+    def busy() -> str:
+        return f"a test with {peer} is in progress here" if testing.is_set() else ""
+
+    def take(outcome: Outcome) -> None:
+        if not isinstance(outcome, LinkError):
+            testing.set()  # before anybody else is asked in
+        found.put(outcome)
+
+    with serve_at(*address) as listener:
         host, port = listener.getsockname()[:2]
         yield f"{site} serves {peer} at {host}:{port}, TCP and UDP"
-        while True:
-            connection, _ = listener.accept()
-            try:
-                yield _serve(connection, context, (host, port), site, peer)
-            except LinkError as err:
-                yield str(err)
-                continue
-            if once:
-                return
+        reasons = Reasons()
+        with Reception(listener, meet, take):
+            while True:
+                outcome = found.get()
+                if isinstance(outcome, LinkError):
+                    if reasons.is_news(outcome):
+                        yield str(outcome)
+                    continue
+                reasons = Reasons()
+                try:
+                    yield _serve(outcome, (host, port), site, peer)
+                except LinkError as err:
+                    yield str(err)
+                    continue
+                finally:
+                    testing.clear()
+                if once:
+                    return
 
 
-def _serve(
-    connection: socket.socket, context: Any, address: tuple[str, int], site: str, peer: str
-) -> str:
-    channel, session = accept(connection, context, peer, PURPOSE, {})
+def _serve(outcome: tuple[Channel, Session], address: tuple[str, int], site: str, peer: str) -> str:
+    channel, session = outcome
     try:
         asked = _asked(session.facts)
         with open_socket(*address) as sock:
@@ -107,7 +140,7 @@ def run_test(address: str, directory: Path, site: str, peer: str, asked: Asked) 
     """
     where = parse_address(address)
     context = client_context(identity_files(directory, site))
-    channel, session = dial(where, context, peer, PURPOSE, asked._asdict())
+    channel, session = _reach(where, context, peer, asked)
     try:
         if channel.receive() != {"ready": True}:
             raise LinkError(f"{peer} at {address}: is not ready")
@@ -118,6 +151,21 @@ def run_test(address: str, directory: Path, site: str, peer: str, asked: Asked) 
         return Found(there, back, heard)
     finally:
         channel.close()
+
+
+def _reach(
+    where: tuple[str, int], context: ssl.SSLContext, peer: str, asked: Asked
+) -> tuple[Channel, Session]:
+    """Dial; where many connect at once, again until the time for it is over."""
+    clock = MonotonicClock()
+    deadline = clock.now_ns() + round(1e9 * PATIENCE_S)
+    while True:
+        try:
+            return dial(where, context, peer, PURPOSE, asked._asdict())
+        except DroppedError:
+            if clock.now_ns() > deadline:
+                raise
+        clock.sleep_until(clock.now_ns() + round(1e9 * AGAIN_S))
 
 
 def parse_address(text: str, port: int = 7447) -> tuple[str, int]:

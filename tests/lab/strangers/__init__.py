@@ -1,0 +1,1 @@
+"""Strangers at a port: how many of the right dials get in while they are there."""
