@@ -32,7 +32,6 @@ MOVE_S = 0.15
 IDENTIFY = "zero,direction,range,identify"
 DAY = "runs/day"
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "two-arms.md"
-STALLS = "missing_limit: 3, overrun_limit: 5", "missing_limit: 200, overrun_limit: 200"
 STOPS = "    effort_limit:", "    mechanical_range: [-2.5, 2.5]\n    effort_limit:"
 """A machine under load is no fault here: longer stalls, whose efforts end at the end stops."""
 
@@ -59,6 +58,12 @@ DataType=0x0007
 AccessType=rw
 DefaultValue=100
 """
+
+
+def stalls(path: Path) -> tuple[str, str]:
+    """Return the line of the loop in a new rig, and one that is more patient."""
+    [loop] = [line for line in path.read_text().splitlines() if line.startswith("loop: ")]
+    return loop, "loop: {missing_limit: 200, overrun_limit: 200}"
 
 
 def settle(path: Path, *changes: tuple[str, str]) -> None:
@@ -163,7 +168,7 @@ def two_arms(folder: Path, joints: int, model: str, friction: str = "") -> Newco
         swap["/dev/pts/5"] = said["endpoint"]
         me.does(*mine(new))
         rig = new[1]
-        settle(folder / rig, ("offset: at_engage ", "offset: 0 "), STALLS, STOPS)
+        settle(folder / rig, ("offset: at_engage ", "offset: 0 "), stalls(folder / rig), STOPS)
         if friction:
             settle(
                 folder / rig, ("    effort_limit:", f"    coulomb: {friction}\n    effort_limit:")
@@ -216,7 +221,8 @@ def two_drives(tmp_path: Path) -> Newcomer:
         me.does("new", "drives.yaml", "--eds", "drive.eds")
         bus = ("socketcan", "udp_multicast"), ("can0", place[-1])
         rate = "rate_hz: 1000", "rate_hz: 100"
-        settle(tmp_path / "drives.yaml", *bus, HEARTBEATS, rate, STALLS, STOPS)
+        path = tmp_path / "drives.yaml"
+        settle(path, *bus, HEARTBEATS, rate, stalls(path), STOPS)
         a_day(me, "drives.yaml", hands, ((1,), (2,)))
     return me
 

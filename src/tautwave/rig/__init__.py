@@ -8,7 +8,7 @@ from tautwave.rig.assembly import (
     make_clock,
 )
 from tautwave.rig.claim_verdict import judge_claim
-from tautwave.rig.claims import axis_claim, kinetic_energy
+from tautwave.rig.claims import axis_claim, kinetic_energy, longest_overrun
 from tautwave.rig.clips import pair_clip
 from tautwave.rig.controller import (
     NO_WALL,
@@ -90,6 +90,7 @@ __all__ = [
     "judge_claim",
     "kinetic_energy",
     "line_delay",
+    "longest_overrun",
     "make_clock",
     "make_control",
     "one_way_delay",

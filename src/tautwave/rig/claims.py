@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import DEVIATIONS, Claim
@@ -34,13 +35,47 @@ def stall_of(rig: Rig, axis_name: str, delay: CommandDelay) -> StallParams | Non
     Without `stall_energy_j` the device may gain what it has at its velocity limit, if that leaves
     the whole effort at rest. A law without an account relies on the efforts that it asks for.
     """
+    found = _bound_of(rig, axis_name, delay) if coupling_part(rig).claim else None
+    if found is None or rig.axes[axis_name].stall_energy_j is not None:
+        return found
+    return found if _leaves_all(rig, axis_name, delay, found) else None
+
+
+def _bound_of(rig: Rig, axis_name: str, delay: CommandDelay) -> StallParams | None:
     energy, has = stall_energy(rig, axis_name), axis_allowance(rig, axis_name, delay)
-    if math.isinf(has.inertia) or math.isinf(energy) or not coupling_part(rig).claim:
+    if math.isinf(has.inertia) or math.isinf(energy):
         return None
     doubt = velocity_doubt(rig, axis_name)
-    found = stall_params(has.blind, has.inertia, has.shared_rate, energy, doubt, has.load_effort)
-    whole = stall_bound(found, 0.0) >= has.shared_effort
-    return found if whole or rig.axes[axis_name].stall_energy_j is not None else None
+    return stall_params(has.blind, has.inertia, has.shared_rate, energy, doubt, has.load_effort)
+
+
+def _leaves_all(rig: Rig, axis_name: str, delay: CommandDelay, bound: StallParams) -> bool:
+    """Return whether a bound leaves the whole effort at rest."""
+    return stall_bound(bound, 0.0) >= axis_allowance(rig, axis_name, delay).shared_effort
+
+
+def longest_overrun(rig: Rig, delays: Mapping[str, CommandDelay]) -> int | None:
+    """Return the greatest `overrun_limit` at which the bound for stalls leaves all efforts at rest.
+
+    At most what a rig without one has; None where an axis that takes effort states no inertia or
+    velocity limit, and where no limit would do.
+    """
+    loop = rig.loop.model_copy(update={"overrun_limit": None})
+    most = rig.model_copy(update={"loop": loop}).overrun_limit
+    for limit in range(most, 1, -1):
+        loop = rig.loop.model_copy(update={"overrun_limit": limit})
+        trial = rig.model_copy(update={"loop": loop})
+        for name, axis in rig.axes.items():
+            if axis.causality != "impedance":
+                continue
+            bound = _bound_of(trial, name, delays[name])
+            if bound is None:
+                return None
+            if not _leaves_all(trial, name, delays[name], bound):
+                break
+        else:
+            return limit
+    return None
 
 
 def sure_effort(stall: StallParams, has: AxisAllowance, delay: CommandDelay) -> float:

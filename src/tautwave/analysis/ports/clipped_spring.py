@@ -26,7 +26,22 @@ A clip that sinks in a run lowers P; one that rises while |s e| is below it leav
 
 A bare spring K with n periods between the ends and L until a command acts needs K T (n + 1 + 2 L)
 of two equal devices, which is what slow motion needs without any clip: it is exact. A damper counts
-as its size at both ends, also one to ground.
+as its size at both ends, also one to ground, whatever its phase.
+
+**Clipped, phases kept.** phi(s e + r) - phi(s e) = g r with a g from 0 to 1, so with y = sum of
+c[i] u[k-i] an end loses g y u by it, and for any weight t > 0
+
+    g y u <= max(0, y u) <= (u + t y)^2 / 4 t,
+
+the second since (u + t y)^2 - 4 t y u = (u - t y)^2. The right side is a square of what is linear
+in u: summed over all time, with u = 0 after the run, it is a form on the unit circle (Parseval),
+and the pair is passive as above if for one t1, t2 and all z there
+
+    diag(d)/T - s/2 [[1, -1], [-1, 1]] - (C + C*)/4 - (1/t + C* t C)/4 >= 0,  C = sum c[i] z^-i.
+
+Of a bare spring that is the same number; of dampers that act early against the lag of a line it is
+near what no clip needs. It is convex in t, and any t is a proof: the best of a search is taken, and
+of both bounds the lesser. Whole periods only.
 
 **A fraction f of a period** until a command acts, of end i: for that share the effort before acts,
 with displacements u' and u'' in both parts, u = u' + u''. The effort before has the tails S, c[1],
@@ -57,18 +72,26 @@ derived here. SI.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+Complexes = npt.NDArray[np.complex128]
 
 ALIKE = 1e-9
 """Relative: what rounding may leave of S beside a spring."""
 
 POINTS = 32
 """Points on the unit circle per degree of the polynomial: 0.5 % of its range is between them."""
+
+NEAR = 0.005
+"""Relative: a closed form so near to what no clip needs is not improved."""
+
+SPARSE, CUTS, REACH = 8, 16, 2.0
+"""Weights t are searched at every so many points, by so many cuts each, within e^REACH."""
 
 REST = 1e-9
 """Of the greatest answer, what a cut may leave out."""
@@ -171,28 +194,139 @@ class Lack(NamedTuple):
     angle: float
 
 
+class _Form(NamedTuple):
+    """Hermitian 2 x 2 forms at points of the unit circle: what both devices need, and beside."""
+
+    one: Floats
+    two: Floats
+    cross: Complexes
+
+    def greatest(self) -> tuple[float, int, float]:
+        """Return the greatest need, where it is, and the range of all eigenvalues."""
+        mean = 0.5 * (self.one + self.two)
+        radius = np.hypot(0.5 * (self.one - self.two), np.abs(self.cross))
+        worst = int(np.argmax(mean + radius))
+        most = float(mean[worst] + radius[worst])
+        return most, worst, most - float(np.min(mean - radius))
+
+
+def _answers_at(spring: Spring) -> tuple[Complexes, int]:
+    """Return sum c[i] z^-i at points of the upper half circle, (n, 2, 2), and how many in all."""
+    points = 1 << max(8, (POINTS * (len(spring.tails) + 1) - 1).bit_length())
+    tails = np.concatenate([np.zeros((1, 2, 2)), spring.tails])
+    return np.fft.rfft(tails, points, axis=0), points
+
+
+def _never_clipped(spring: Spring, answers: Complexes, damping: tuple[float, float]) -> _Form:
+    half = 0.5 * spring.stiffness
+    cross = 0.5 * (answers[:, 0, 1] + answers[:, 1, 0].conj()) - half
+    one, two = (answers[:, end, end].real + half for end in (0, 1))
+    step = spring.period
+    return _Form(step * one - damping[0], step * two - damping[1], step * cross)
+
+
+def _between(degree: int, points: int, spread: float, bent: float = math.inf) -> float:
+    """Return what a form may exceed its values at the points by; `bent`: its greatest curvature."""
+    between = 0.5 * (math.pi / points) ** 2
+    # the range at N points, and what lies between them of it, at most
+    return between * min(bent, 0.5 * degree**2 * spread / (1.0 - between * degree**2))
+
+
 def linear_lack(spring: Spring, damping: tuple[float, float] = (0.0, 0.0)) -> Lack:
     """Return what devices lack for a spring that is never clipped; whole periods only."""
+    answers, points = _answers_at(spring)
+    found, worst, spread = _never_clipped(spring, answers, damping).greatest()
     degree = len(spring.tails)
-    points = 1 << max(8, (POINTS * (degree + 1) - 1).bit_length())
-    tails = np.concatenate([np.zeros((1, 2, 2)), spring.tails])
-    form = np.fft.rfft(tails, points, axis=0)
-    own = spring.period * (form.real + 0.5 * spring.stiffness)
-    mean = 0.5 * (own[:, 0, 0] + own[:, 1, 1] - damping[0] - damping[1])
-    half = 0.5 * (own[:, 0, 0] - own[:, 1, 1] - damping[0] + damping[1])
-    # S/2 has -s/2 beside the diagonal, and the Hermitian part of C there (C12 + C21*) / 2
-    cross = 0.5 * spring.period * (form[:, 0, 1] + form[:, 1, 0].conj() - spring.stiffness)
-    radius = np.hypot(half, np.abs(cross))
-    worst = int(np.argmax(mean + radius))
-    spread = float(np.max(mean + radius) - np.min(mean - radius))
-    between = 0.5 * (math.pi / points) ** 2
-    sizes = np.linalg.norm(spring.tails, axis=(1, 2))
     slots = np.arange(1.0, degree + 1.0)
+    sizes = np.linalg.norm(spring.tails, axis=(1, 2))
     bent = spring.period * float(np.sum(slots * slots * sizes))
-    # the range at N points, and what lies between them of it, at most
-    bent = min(bent, 0.5 * degree * degree * spread / (1.0 - between * degree * degree))
-    more = between * bent + 2.0 * spring.period * spring.rest
-    return Lack(float(mean[worst] + radius[worst]) + more, 2.0 * math.pi * worst / points)
+    more = _between(degree, points, spread, bent) + 2.0 * spring.period * spring.rest
+    return Lack(found + more, 2.0 * math.pi * worst / points)
+
+
+def clipped_lack(spring: Spring, damping: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Return what devices lack for a spring, clipped anyhow [N m s/rad or N s/m].
+
+    The lesser of both bounds; infinite damping is not asked for. Its answers have an end.
+    """
+    needs = clipped_needs(spring)
+    closed = needs.lack(*damping)
+    if any(spring.late) or len(spring.tails) == 0:
+        return closed
+    answers, points = _answers_at(spring)
+    least, _, _ = _never_clipped(spring, answers, damping).greatest()
+    if closed - least <= NEAR * needs.lack(0.0, 0.0):
+        return closed
+    whole = _phased(spring, answers, damping)
+    few = _phased(spring, answers[::SPARSE], damping)
+
+    def of_one(one: float) -> tuple[float, float]:
+        return _lowest(lambda two: few.form(one, two).greatest()[0])
+
+    _, one = _lowest(lambda one: of_one(one)[0])
+    _, two = of_one(one)
+    found, _, spread = whole.form(one, two).greatest()
+    return min(closed, found + _between(len(spring.tails), points, spread))
+
+
+class _Phased(NamedTuple):
+    """What a clipped spring needs where phases are kept, but for its weights t.
+
+    fixed: without them; sizes: of the answers at either end, the greatest; squares: C* C by the end
+    that answers.
+    """
+
+    fixed: _Form
+    quarter: float
+    sizes: Floats
+    squares: tuple[_Form, _Form]
+
+    def form(self, one: float, two: float) -> _Form:
+        """Return the form where t is e^-one and e^-two over the sizes; none of what is 0."""
+        scale = self.sizes * np.exp([one, two])
+        weights = self.quarter / np.where(scale > 0.0, scale, math.inf)
+        first, second = self.squares
+        return _Form(
+            self.fixed.one + weights[0] * first.one + weights[1] * second.one
+            + self.quarter * scale[0],
+            self.fixed.two + weights[0] * first.two + weights[1] * second.two
+            + self.quarter * scale[1],
+            self.fixed.cross + weights[0] * first.cross + weights[1] * second.cross,
+        )  # fmt: skip
+
+
+def _phased(spring: Spring, answers: Complexes, damping: tuple[float, float]) -> _Phased:
+    own = _never_clipped(spring, answers, (0.0, 0.0))
+    step = 0.5 * spring.period * spring.stiffness
+    fixed = _Form(
+        0.5 * (own.one + step) - damping[0],
+        0.5 * (own.two + step) - damping[1],
+        0.5 * (own.cross - step),
+    )
+    sizes = np.max(np.linalg.norm(answers, axis=2), axis=0)
+    first, second = (
+        _Form(np.abs(row[:, 0]) ** 2, np.abs(row[:, 1]) ** 2, row[:, 0].conj() * row[:, 1])
+        for row in (answers[:, 0], answers[:, 1])
+    )
+    return _Phased(fixed, 0.25 * spring.period, sizes, (first, second))
+
+
+def _lowest(function: Callable[[float], float]) -> tuple[float, float]:
+    """Return the lowest value of a function with one valley, and where, by golden sections."""
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    low, high = -REACH, REACH
+    left, right = high - golden * (high - low), low + golden * (high - low)
+    at_left, at_right = function(left), function(right)
+    for _ in range(CUTS):
+        if at_left <= at_right:
+            high, right, at_right = right, left, at_left
+            left = high - golden * (high - low)
+            at_left = function(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + golden * (high - low)
+            at_right = function(right)
+    return (at_left, left) if at_left <= at_right else (at_right, right)
 
 
 class Asked(NamedTuple):

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from tautwave.analysis.ports.clipped_spring import (
     POINTS,
-    clipped_needs,
+    clipped_lack,
     closed_answers,
     linear_lack,
     spring_of,
@@ -88,15 +88,15 @@ def tuning(rig: Rig, pair: str, delays: Delays) -> Tuning | None:
     linear = spring if whole else None
     worst = None if linear is None else linear_lack(linear)
     ends = not hears and not np.any(answers[-1])
-    needs = clipped_needs(spring) if spring is not None and ends else None
+    clipped = spring if ends else None
     sums = np.sum(np.abs(answers), axis=0)
     return Tuning(
         needed=math.inf if worst is None else worst.damping,
         short=math.inf if linear is None else linear_lack(linear, have).damping,
         short_apart=_short_apart(acting, rig.period_s, np.array(have)) if whole else math.inf,
         at=0.0 if worst is None else worst.angle / (2.0 * math.pi * rig.period_s),
-        clipped_needed=math.inf if needs is None else needs.lack(0.0, 0.0),
-        clipped_short=math.inf if needs is None else needs.lack(*have),
+        clipped_needed=math.inf if clipped is None else clipped_lack(clipped),
+        clipped_short=math.inf if clipped is None else clipped_lack(clipped, have),
         stiffness=0.0 if spring is None else spring.stiffness,
         answers=((sums[0, 0], sums[0, 1]), (sums[1, 0], sums[1, 1])),
         hears=hears,

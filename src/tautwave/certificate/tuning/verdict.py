@@ -104,10 +104,13 @@ def tuning_sentence(rig: Rig, pair: str, found: Tuning) -> str:
     """Return what a law needs and what its devices have, as a sentence."""
     unit = "N m s/rad" if rig.master.axes[pair].kind == "rotary" else "N s/m"
     if found.clipped_short <= 0.0:
+        times = ""
+        if 0.0 < found.needed < found.clipped_needed:
+            times = f" ({found.clipped_needed / found.needed:.3g} times what it needs unclipped)"
         return (
             "passive by tuning for any hand and environment, also where it is clipped: sampled, "
             f"with delays, it needs {found.clipped_needed:.4g} {unit} of each device if both have "
-            f"equal damping, and they have {-found.clipped_short:.4g} to spare."
+            f"equal damping{times}, and they have {-found.clipped_short:.4g} to spare."
         )
     if found.short <= 0.0:
         more = ""

@@ -16,14 +16,22 @@ NEAR = {"rotary": (0.05, "rad"), "linear": (0.005, "m")}
 """How near to its place a slave has to be before a pair with a fixed offset engages, by kind."""
 
 
+PATIENCE = Setting(5, "")
+"""Slots that a stalled host may skip where the devices do not tell how far that takes them."""
+
+
 class Draft(NamedTuple):
-    """A rig file to be written: one joint a pair, `rate_hz` [Hz]."""
+    """A rig file to be written: one joint a pair, `rate_hz` [Hz].
+
+    `overrun_limit`: slots that a stalled host may skip, and why so many.
+    """
 
     name: str
     master: Sequence[Chosen]
     slave: Sequence[Chosen]
     joints: Sequence[str]
     rate_hz: float
+    overrun_limit: Setting = PATIENCE
 
 
 def draft_text(draft: Draft) -> str:
@@ -42,7 +50,8 @@ def _lines(draft: Draft) -> Iterator[str]:
     yield _line(0, "rate_hz", Setting(draft.rate_hz, "[Hz] at most 70 % of what the buses allow"))
     yield _line(0, "operate", Setting({}, "starts idle; keys and commands engage it"))
     yield _line(0, "require", Setting("passive", "nothing moves without this certificate"))
-    yield _line(0, "loop", Setting({"missing_limit": 3, "overrun_limit": 5}, ""))
+    limit, why = draft.overrun_limit
+    yield _line(0, "loop", Setting({"missing_limit": 3, "overrun_limit": limit}, why))
     yield ""
     yield "buses:"
     used = dict.fromkeys(one.bus.name for one in (*draft.master, *draft.slave))
