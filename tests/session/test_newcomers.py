@@ -243,7 +243,8 @@ def own_profile(tmp_path: Path) -> Newcomer:
     with served(tmp_path, "modbus", *served_as, *body) as (hands, said):
         me.does("new", "drives.yaml", "--profile", "my-drive.yaml")
         place = "tcp://192.168.1.20:502", said["endpoint"]
-        settle(tmp_path / "drives.yaml", place, STALLS, STOPS)
+        path = tmp_path / "drives.yaml"
+        settle(path, place, stalls(path), STOPS)
         a_day(me, "drives.yaml", hands, ((1,), (2,)))
     return me
 
