@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ import pytest
 import yaml
 
 from tautwave.config import Rig, load_rig, parse_rig, resolved_yaml
+from tautwave.config.inputs.urdf import read_urdf
 from tautwave.errors import ConfigError
 from tautwave.rig import command_delays
-from tautwave.rig.arms import greatest_loads, joint_names
+from tautwave.rig.arms import beyond_file, greatest_loads, joint_names
 from tautwave.session.facts import load_facts
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
@@ -171,3 +173,38 @@ def test_a_chain_without_any_mass_has_nothing_to_carry(tmp_path: Path) -> None:
     rig = rig_of(tmp_path, JOINTS, {"urdf": "arm.urdf", "compensate": False})
     said = dict(load_facts(rig, command_delays(rig)))
     assert said["arm of the slave"] == "no link has a mass: a kinematic chain, without a load"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("position_range", [-1.0, 1.2], "position_range [-1, 1.2], joint lift -1 to 1 rad"),
+        ("position_range", [-1.3, 0.5], "position_range [-1.3, 0.5], joint lift -1 to 1 rad"),
+        ("effort_limit", 9.5, "effort_limit 9.5, joint lift 9 N m"),
+        ("velocity_limit", 3.5, "velocity_limit 3.5, joint lift 3 rad/s"),
+        ("position_range", [-0.9, 1.0], None),
+        ("effort_limit", 9.0, None),
+    ],
+)
+def test_limits_wider_than_the_files_are_said_with_joint_and_number(
+    tmp_path: Path, key: str, value: Any, said: str | None
+) -> None:
+    urdf(tmp_path)
+    rig = rig_of(tmp_path, JOINTS, {"urdf": "arm.urdf"})
+    within = {"effort_limit": 9.0, "velocity_limit": 3.0, "position_range": (-1.0, 1.0)}
+    axes = {name: axis.model_copy(update=within) for name, axis in rig.slave.axes.items()}
+    given = tuple(value) if isinstance(value, list) else value
+    axes["lift"] = axes["lift"].model_copy(update={key: given})
+    rig = rig.model_copy(update={"slave": rig.slave.model_copy(update={"axes": axes})})
+    wider = beyond_file(rig, "slave")
+    assert wider == ([f"slave.lift has {said}"] if said else [])
+    facts = dict(load_facts(rig, command_delays(rig)))
+    assert ("limits of slave" in facts) == bool(said)
+
+
+@pytest.mark.parametrize("limit", ['lower="0" upper="0" effort="0" velocity="0"', ""])
+def test_a_placeholder_limits_nothing(tmp_path: Path, limit: str) -> None:
+    path = urdf(tmp_path)
+    path.write_text(path.read_text().replace('lower="-1" upper="1" effort="9" velocity="3"', limit))
+    assert beyond_file(rig_of(tmp_path, JOINTS, {"urdf": "arm.urdf"}), "slave") == []
+    assert all(math.isinf(one.upper - one.lower) for one in read_urdf(path).limits)

@@ -171,3 +171,40 @@ def test_a_file_with_two_arms_has_two_chains(tmp_path: Path) -> None:
 def test_what_is_held_is_beside_the_chain(tmp_path: Path, held: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         read_urdf(arms(tmp_path, ("",)), "wrist", held={held: 0.1})
+
+
+BAD = {
+    "inertia": (
+        '<mass value="0.2"/><inertia ixx="1" iyy="-1" izz="1" ixy="0" ixz="0" iyz="0"/>',
+        1,
+    ),
+    "not a number": ('<mass value="0.2"/><inertia ixx="nan" iyy="1" izz="1"/>', 1),
+    "negative mass": ('<mass value="-0.2"/>', 0),
+    "no mass": ("", 0),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_one_bad_body_refuses_the_file_on_the_chain_only(tmp_path: Path, kind: str) -> None:
+    """Beside it the mass stays, or the body is left out; that is said with file, line and link."""
+    body, kept = BAD[kind]
+    path = arms(tmp_path, ("",))
+    whole = read_urdf(path, "wrist")
+    text = path.read_text()
+    bad = f'<inertial><origin xyz="0.1 0 0"/>{body}</inertial>'
+    finger = re.search(r'<link name="finger">.*?</link>|<link name="finger"/>', text)
+    assert finger is not None
+    path.write_text(text.replace(finger[0], f'<link name="finger">{bad}</link>'))
+    found = read_urdf(path, "wrist")
+    (note,) = found.notes
+    assert "link 'finger'" in note or kind == "not a number"
+    assert f"taken as {'a point at its centre of mass' if kept else 'massless'}" in note
+    lighter = whole.links[-1].body.mass - found.links[-1].body.mass
+    own = 0.5  # of the finger
+    assert lighter == pytest.approx(own - 0.2 * kept)
+    # the same body on the chain, or as its tip, is refused
+    wrist = re.search(r'<link name="wrist">.*?</link>', text)
+    assert wrist is not None
+    path.write_text(text.replace(wrist[0], f'<link name="wrist">{bad}</link>'))
+    with pytest.raises(ConfigError, match="urdf:"):
+        read_urdf(path, "wrist")

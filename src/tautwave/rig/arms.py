@@ -81,6 +81,37 @@ def joint_ranges(rig: Rig, side: str, keys: Chain) -> list[tuple[float, float]]:
     return ranges
 
 
+def beyond_file(rig: Rig, side: str) -> list[str]:
+    """Return a sentence for each limit of an axis that is wider than its joint's in the URDF file.
+
+    Such an axis may be driven into what the file's author keeps it from: an end stop, a gear's or
+    a motor's limit.
+    """
+    keys = getattr(rig, side).arm
+    if keys is None or keys.urdf is None:
+        return []
+    _, limits = chain_links(keys)
+    found = []
+    for name, limit in zip(arm_axes(rig, side), limits, strict=True):
+        axis = rig.axes[name]
+        place, effort = ("rad", "N m") if axis.kind == "rotary" else ("m", "N")
+        low, high = axis.position_range or (-math.inf, math.inf)
+        slack = 1e-3 * min(limit.upper - limit.lower, 1.0)
+        if low < limit.lower - slack or high > limit.upper + slack:
+            ours = f"position_range [{low:g}, {high:g}]" if axis.position_range else "no range"
+            found.append(
+                f"{name} has {ours}, joint {limit.name} {limit.lower:g} to {limit.upper:g} {place}"
+            )
+        for key, most, unit in (
+            ("effort_limit", limit.effort, effort),
+            ("velocity_limit", limit.velocity, f"{place}/s"),
+        ):
+            value = getattr(axis, key)
+            if value is not None and value > 1.001 * most:
+                found.append(f"{name} has {key} {value:g}, joint {limit.name} {most:g} {unit}")
+    return found
+
+
 def postures(ranges: Sequence[tuple[float, float]]) -> Iterator[tuple[float, ...]]:
     """Yield postures within ranges: corners, then a fixed random sample."""
     yield from itertools.islice(itertools.product(*ranges), CORNERS)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import Claim, Stated, stated_claim
 from tautwave.config import Axis, Rig, count_velocity
-from tautwave.config.inputs.chains import weighs
+from tautwave.config.inputs.chains import chain_notes, weighs
 from tautwave.registry import load_named
 from tautwave.rig import (
     allowances,
@@ -19,7 +20,13 @@ from tautwave.rig import (
     pair_scale,
     watchdogs,
 )
-from tautwave.rig.arms import carried_axes, felt_axes, greatest_loads, joint_names
+from tautwave.rig.arms import (
+    beyond_file,
+    carried_axes,
+    felt_axes,
+    greatest_loads,
+    joint_names,
+)
 from tautwave.rig.claim_verdict import judge_claim, terms_of
 from tautwave.rig.rates import load_offset
 from tautwave.session.operating import greatest, times
@@ -180,6 +187,13 @@ def load_facts(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str,
         arm = getattr(rig, side).arm
         if arm is not None and not weighs(arm):
             yield f"arm of the {side}", "no link has a mass: a kinematic chain, without a load"
+        if arm is not None:
+            for note in chain_notes(arm):
+                yield f"arm of the {side}", note
+        wider = beyond_file(rig, side)
+        if wider:
+            file = Path(str(arm.urdf)).name
+            yield f"limits of {side}", f"wider than in {file}: {'; '.join(wider)}"
         for name, most in greatest_loads(rig, side).items():
             pair = name.partition(".")[2]
             rotary = rig.axes[name].kind == "rotary"

@@ -44,6 +44,19 @@ def chain_links(keys: Chain) -> tuple[tuple[Link, ...], tuple[JointLimits, ...]]
     return tuple(links), tuple(JointLimits(link.name) for link in links if link.kind != "fixed")
 
 
+def chain_notes(keys: Chain) -> tuple[str, ...]:
+    """Return what was odd in a chain's URDF file beside the chain, and what was taken instead.
+
+    Raises
+    ------
+    ConfigError
+        As for `chain_links`.
+    """
+    if keys.urdf is None:
+        return ()
+    return read_urdf(Path(keys.urdf), keys.tip, keys.base, keys.held).notes
+
+
 def _row_links(name: str, row: DhRow) -> tuple[Link, Link]:
     """Return the joint, without a body, and the link behind it, which is fixed to it."""
     kind = "turns" if row.kind == "revolute" else "slides"

@@ -33,19 +33,27 @@ KINDS = {"revolute": "turns", "continuous": "turns", "prismatic": "slides", "fix
 
 
 class JointLimits(NamedTuple):
-    """Limits of one joint; infinite where the file gives none [rad or m, N m or N]."""
+    """Limits of one joint; infinite where the file gives none [rad or m, N m or N, per s].
+
+    A range without width, and an effort or a velocity of 0, are placeholders: none is given.
+    """
 
     name: str
     lower: float = -math.inf
     upper: float = math.inf
     effort: float = math.inf
+    velocity: float = math.inf
 
 
 class UrdfChain(NamedTuple):
-    """Links from base to tip, those that are fixed included, and the limits of what moves."""
+    """Links from base to tip, those that are fixed included, and the limits of what moves.
+
+    `notes` say what was odd in the file beside the chain, and what was taken instead.
+    """
 
     links: tuple[Link, ...]
     limits: tuple[JointLimits, ...]
+    notes: tuple[str, ...] = ()
 
 
 class _Joint(NamedTuple):
@@ -133,17 +141,18 @@ def read_urdf(
             raise ConfigError(f"{path}: joint {name!r} {why}; remove it from held")
     made = []
     limits = []
+    notes: list[str] = []
     for joint in route:
         _check_in_chain(reader, joint)
         place, turn = reader.origin(joint.node)
-        body = _body(reader, links, below, joint.child, taken, places)
+        body = _body(reader, links, below, joint.child, taken, places, notes)
         axis = (0.0, 0.0, 1.0) if joint.kind == "fixed" else _axis(reader, joint)
         made.append(Link(joint.name, joint.kind, place, turn, axis, body))
         if joint.kind != "fixed":
             limits.append(_limits(reader, joint))
     if not limits:
         raise reader.wrong(robot.line, "has no moving joint between its base and its tip")
-    return UrdfChain(tuple(made), tuple(limits))
+    return UrdfChain(tuple(made), tuple(limits), tuple(notes))
 
 
 def _joint(reader: UrdfReader, node: Node, links: Mapping[str, Node]) -> _Joint:
@@ -225,13 +234,18 @@ def _body(
     link: str,
     taken: set[str],
     held: Mapping[str, float],
+    notes: list[str],
 ) -> Body:
-    """Return a link's body with all that it carries beside the route, as it is held."""
+    """Return a link's body with all that it carries beside the route, as it is held.
+
+    What is impossible in a link beside the route is noted, and left out: its inertia, or its mass.
+    """
     body = Body()
     todo: list[tuple[str, Vector, Matrix]] = [(link, ORIGIN, UNIT)]
     while todo:
         name, at, there = todo.pop()
-        body = joined(body, placed(reader.body(links[name]), there, at))
+        own = reader.body(links[name]) if name == link else reader.body(links[name], notes)
+        body = joined(body, placed(own, there, at))
         for joint in below[name]:
             if joint.name not in taken:
                 place, turn = reader.origin(joint.node)
@@ -267,13 +281,15 @@ def _limits(reader: UrdfReader, joint: _Joint) -> JointLimits:
     given = reader.one(joint.node, "limit")
     if given is None:
         return JointLimits(joint.name)
-    effort = reader.number(given, "effort", math.inf) if "effort" in given.given else math.inf
+    effort, velocity = (reader.bound(given, key, 0.0) or math.inf for key in ("effort", "velocity"))
     if joint.node.given["type"] == "continuous":
-        return JointLimits(joint.name, effort=effort)
-    lower, upper = reader.number(given, "lower", 0.0), reader.number(given, "upper", 0.0)
+        return JointLimits(joint.name, effort=effort, velocity=velocity)
+    lower, upper = reader.bound(given, "lower", 0.0), reader.bound(given, "upper", 0.0)
     if lower > upper:
         raise reader.wrong(
             given.line,
             f"joint {joint.name!r}: its lower limit {lower:g} is above its upper {upper:g}",
         )
-    return JointLimits(joint.name, lower, upper, effort)
+    if lower == upper:
+        lower, upper = -math.inf, math.inf
+    return JointLimits(joint.name, lower, upper, effort, velocity)

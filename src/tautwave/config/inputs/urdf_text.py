@@ -94,6 +94,13 @@ class UrdfReader:
             return otherwise
         return self.numbers(node, key, 1)[0]
 
+    def bound(self, node: Node, key: str, otherwise: float) -> float:
+        """Return an attribute that is one number, or infinite."""
+        text = node.given.get(key, "").strip().lower()
+        if text.lstrip("+-") in ("inf", "infinity"):
+            return float(text)
+        return self.number(node, key, otherwise)
+
     def numbers(self, node: Node, key: str, count: int) -> list[float]:
         """Return an attribute of finite numbers."""
         text = self.word(node, key)
@@ -119,8 +126,26 @@ class UrdfReader:
         zero = (0.0, 0.0, 0.0)
         return self.vector(at, "xyz", zero), roll_pitch_yaw(*self.vector(at, "rpy", zero))
 
-    def body(self, link: Node) -> Body:
-        """Return the body of a `<link>`, massless without `<inertial>`."""
+    def body(self, link: Node, notes: list[str] | None = None) -> Body:
+        """Return the body of a `<link>`, massless without `<inertial>`.
+
+        What is impossible is refused, or left out where `notes` gets a sentence on it: first the
+        inertia, then the mass.
+        """
+        try:
+            return self._body(link)
+        except ConfigError as err:
+            if notes is None:
+                raise
+            wrong = str(err)
+        try:
+            body, taken = self._body(link, point=True), "a point at its centre of mass"
+        except ConfigError:
+            body, taken = Body(), "massless"
+        notes.append(f"{wrong}; it is beside the chain and taken as {taken}")
+        return body
+
+    def _body(self, link: Node, *, point: bool = False) -> Body:
         inertial = self.one(link, "inertial")
         if inertial is None:
             return Body()
@@ -132,14 +157,14 @@ class UrdfReader:
         if m < 0.0:
             raise self.wrong(mass.line, f"link {name!r}: its mass is negative (got {m:g})")
         about: tuple[float, ...] = (0.0,) * 6
-        if inertia is not None:
+        if inertia is not None and not point:
             keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
             about = tuple(self.number(inertia, key, 0.0) for key in keys)
+            if not is_inertia(*about):
+                raise self.wrong(
+                    inertia.line, f"link {name!r}: not physically possible for a rigid body"
+                )
         xx, yy, zz, xy, xz, yz = about
-        if inertia is not None and not is_inertia(xx, yy, zz, xy, xz, yz):
-            raise self.wrong(
-                inertia.line, f"link {name!r}: not physically possible for a rigid body"
-            )
         place, turn = self.origin(inertial)
         matrix = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
         return placed(Body(m, inertia=matrix), turn, place)
