@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tautwave.certificate import certify
+from tautwave.config import Rig, parse_rig
 from tests.certificate.rigs import element, rig
 
 NAME = "bench-1dof-2khz"
@@ -88,6 +89,51 @@ def test_a_better_belief_brings_what_was_promised() -> None:
     better = element(certify(rig(*heavier, name=NAME)), "slave.lever port").numbers["stiffest"]
     gained = 100.0 * (better / port.numbers["stiffest"] - 1.0)
     assert gained == pytest.approx(float(promised), abs=5.0)  # what is proved lags the grid
+
+
+IDEAL = """name: ideal
+rate_hz: {rate}
+duration_s: 0.1
+loop: {{missing_limit: 3, overrun_limit: 3}}
+buses: {{hand: {{driver: loopback}}, arm: {{driver: loopback}}}}
+master:
+  axes: {{lever: {{bus: hand, id: 1, {axis}}}}}
+slave:
+  axes: {{lever: {{bus: arm, id: 1, {axis}}}}}
+coupling: {{law: wave, delay_s: {delay}, pairs: {{lever: {{{pair}}}}}}}
+simulation: {{}}
+"""
+"""Axes whose encoder has neither a step nor noise."""
+
+
+def ideal(pair: str, rate: int, inertia: float, damping: float, delay: float) -> Rig:
+    axis = (
+        "kind: rotary, effort_limit: 20, effort_rate_limit: 10000, velocity_limit: 10, "
+        f"position_range: [-3, 3], inertia: {{value: {2 * inertia}, lower: {inertia}, source: x}}, "
+        f"damping: {{value: {2 * damping}, lower: {damping}, source: x}}"
+    )
+    return parse_rig(IDEAL.format(rate=rate, axis=axis, delay=delay, pair=pair))
+
+
+@pytest.mark.sparse(6)
+@pytest.mark.parametrize("rate", [500, 2000])
+@pytest.mark.parametrize("delay", [0.0, 0.02])
+@pytest.mark.parametrize(("inertia", "damping"), [(0.01, 0.005), (0.002, 0.02), (0.1, 0.01)])
+def test_an_ideal_encoder_is_certified_as_it_comes_and_by_what_a_refusal_names(
+    rate: int, delay: float, inertia: float, damping: float
+) -> None:
+    device = (rate, inertia, damping, delay)
+    chosen = certify(ideal("", *device))
+    assert chosen.verdicts["passive"].passed, chosen.verdicts["passive"].reason
+    # a lossless line of one's own is refused, with a key that passes or none at all
+    port = element(certify(ideal("wave_filter_hz: null", *device)), "slave.lever port")
+    if port.passive.passed:
+        return
+    said = re.findall(r"(\w+) to ([\w.e-]+)", port.passive.reason.rpartition("; ")[2])
+    assert said, port.passive.reason
+    keys = {"wave_filter_hz": "null"} | dict(said)
+    text = ", ".join(f"{key}: {value}" for key, value in keys.items())
+    assert element(certify(ideal(text, *device)), "slave.lever port").passive.passed
 
 
 @pytest.mark.sparse(3)

@@ -204,6 +204,21 @@ def test_noise_is_of_third_differences_beyond_the_step_of_the_encoder(
     assert shaken(ROWS, keys) == pytest.approx(1e-4 * np.sqrt(variance), rel=1e-9)
 
 
+@pytest.mark.parametrize("hz", [0.1, 0.5])
+def test_a_smooth_motion_is_no_noise_and_hides_none(hz: float) -> None:
+    """At 100 Hz, by an encoder without a step: third differences alone would see 57 urad."""
+    found = run(0.0, 0.0)
+    columns: Any = found.whole
+    motion = 0.4 * np.sin(2.0 * np.pi * hz * 0.01 * np.arange(ROWS))
+    columns[f"{AXIS}.position"][:] = motion
+    smooth = measured_deviation(found, AXIS, {})
+    assert smooth is not None
+    assert smooth < 1e-6 * (10.0 * hz) ** 5
+    noise = np.random.default_rng(5).normal(0.0, 2e-5, ROWS)
+    columns[f"{AXIS}.position"][:] = motion + noise
+    assert measured_deviation(found, AXIS, {}) == pytest.approx(2e-5, rel=0.12)
+
+
 def test_noise_needs_two_windows() -> None:
     assert shaken(402, {}) is None
     assert shaken(403, {}) == pytest.approx(1e-4 * np.sqrt(3.2))

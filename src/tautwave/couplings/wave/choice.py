@@ -1,6 +1,7 @@
 """What a wave pair takes for its `auto` keys, and what bounds it.
 
-wave_filter_hz: a tenth of the slower axis' rate; none where neither axis has noise or a step.
+wave_filter_hz: a tenth of the slower axis' rate; none where neither axis has noise or a step and
+the certificate takes the ports without.
 
 pole_master, pole_slave: the first of `POLES` on which the certificate calls the port contracting,
 held by the stated contact; plain, which bears the stiffest contacts, where it takes none: then the
@@ -95,11 +96,29 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
     chosen: dict[str, Choice] = {}
     if pair.wave_filter_hz == AUTO:
         chosen["wave_filter_hz"] = _corner(rig, name)
+        if chosen["wave_filter_hz"].value is None:
+            bare = _choose_others(asked, _with(pair, wave_filter_hz=None))
+            if bare.taken:
+                return chosen | bare.chosen
+            chosen["wave_filter_hz"] = _corner(rig, name, bare=True)
         pair = _with(pair, wave_filter_hz=chosen["wave_filter_hz"].value)
+    return chosen | _choose_others(asked, pair).chosen
+
+
+class Others(NamedTuple):
+    """What is chosen besides the wave filter, and whether the certificate takes both ports."""
+
+    chosen: dict[str, Choice]
+    taken: bool
+
+
+def _choose_others(asked: Asked, pair: WavePair) -> Others:
+    """Choose impedance and poles of a pair whose wave filter is known."""
+    chosen: dict[str, Choice] = {}
     if pair.wave_impedance == AUTO:
         if not asked.left:
             raise UnchosenKeyError(
-                ("coupling", "pairs", name, "wave_impedance"),
+                ("coupling", "pairs", asked.name, "wave_impedance"),
                 "auto needs an effort-controlled axis; give a number",
             )
         chosen["wave_impedance"] = _impedance(asked, pair)
@@ -108,7 +127,9 @@ def choose_pair(rig: Rig, name: str) -> dict[str, Choice]:
         key = f"pole_{side}"
         if getattr(pair, key) == AUTO:
             chosen[key] = _pole(asked, pair, side)
-    return chosen
+            pair = _with(pair, **{key: chosen[key].value})
+    taken = all(asked.takes(pair, side) for side in asked.left)
+    return Others(chosen, taken)
 
 
 def two_digits(value: float, *, up: bool = False) -> float:
@@ -134,13 +155,16 @@ def _damping_left(rig: Rig, name: str, delays: Delays) -> dict[str, float]:
     return left
 
 
-def _corner(rig: Rig, name: str) -> Choice:
+def _corner(rig: Rig, name: str, *, bare: bool = False) -> Choice:
+    """Return the corner of a pair's wave filter; `bare`: without one no port is certified."""
     names = [f"{side}.{name}" for side in SIDES]
-    if not any(rig.axes[one].position_noise or rig.axes[one].encoder_quantum for one in names):
+    quiet = not any(rig.axes[one].position_noise or rig.axes[one].encoder_quantum for one in names)
+    if quiet and not bare:
         return Choice(None, "none, because no noise or encoder step is given")
     slower = max(names, key=rig.axis_period_s)
     corner = float(f"{0.1 / rig.axis_period_s(slower):.3g}")
-    return Choice(corner, f"{corner:g} Hz, a tenth of the rate of {slower}")
+    why = ", without which no port is certified" if bare else ""
+    return Choice(corner, f"{corner:g} Hz, a tenth of the rate of {slower}{why}")
 
 
 def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] = POLES) -> Choice:

@@ -30,6 +30,9 @@ SOFTER = 40
 
 TENTH = 1.1
 
+MORE = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+"""Factors on what a device or a rig has that are tried where no key of the pair helps."""
+
 
 class DevicePort(NamedTuple):
     """One port as the certificate sees it, with the class of its device."""
@@ -161,10 +164,12 @@ def remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
         if passes(**{f"pole_{side}": pole}):
             return f"set pole_{side} to {pole}"
     filtered = keys.wave_filter_hz
-    corners = [filtered / factor for factor in (1.5, 2, 4)] if isinstance(filtered, float) else []
-    for corner in (float(f"{one:.3g}") for one in corners):
+    rate = 1.0 / rig.axis_period_s(axis_name)
+    first, word = (filtered, "lower") if isinstance(filtered, float) else (0.15 * rate, "set")
+    corners = [float(f"{first / factor:.3g}") for factor in (1.5, 2, 4)]
+    for corner in corners:
         if passes(wave_filter_hz=corner):
-            return f"lower wave_filter_hz to {corner:g}"
+            return f"{word} wave_filter_hz to {corner:g}"
     factor = 1.25
     while factor < SOFTER:
         lower = float(f"{keys.impedance / factor:.3g}")
@@ -173,4 +178,30 @@ def remedy_of(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
         if passes(wave_impedance=lower, **{f"pole_{side}": PLAIN}):
             return f"set pole_{side} to plain and lower wave_impedance to {lower:g}"
         factor *= 1.25
-    return "raise the rate, lower wave_impedance, or add damping"
+    for corner in corners:
+        for pole in POLES:
+            if passes(wave_filter_hz=corner, **{f"pole_{side}": pole}):
+                return f"{word} wave_filter_hz to {corner:g} and pole_{side} to {pole}"
+    return _more_of_the_device(rig, axis_name, delays, left)
+
+
+def _more_of_the_device(rig: Rig, axis_name: str, delays: Delays, left: float) -> str:
+    """Return how much more rate, mass or damping would pass, each alone; tried up to eightfold."""
+    belief = rig.axes[axis_name].inertia
+    assert belief is not None
+    for factor in MORE:
+        rate = factor * rig.rate_hz
+        faster = rig.model_copy(update={"rate_hz": rate})
+        ways = {
+            f"a rate of {rate:g} Hz": port_of(faster, axis_name, delays, left),
+            f"an inertia of at least {factor * belief.lower:.3g}": port_of(
+                rig, axis_name, delays, left, heavier=factor
+            ),
+            f"a damping of at least {factor * left:.3g}": port_of(
+                rig, axis_name, delays, factor * left
+            ),
+        }
+        found = [what for what, port in ways.items() if port.contracting]
+        if found:
+            return f"no key of the pair is enough; {' or '.join(found)} is"
+    return "no key of the pair is enough, nor is eight times the rate, the inertia or the damping"
