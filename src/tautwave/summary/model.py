@@ -31,7 +31,9 @@ Sentences = tuple[str, ...]
 class Block(BaseModel):
     """A block of the summary: frozen, and without keys that nobody declared."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True
+    )
 
 
 class Outcome(Block):

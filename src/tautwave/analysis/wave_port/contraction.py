@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.wave_port.enclosure import Enclosed, angle, cosine_sum, sine_ratio
+from tautwave.analysis.wave_port.enclosure import Enclosed, angle, cosine_sums, sine_ratio
 from tautwave.analysis.wave_port.reflection import Reflection
 
 Float = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ FOLDS = 3
 CELLS = 48
 HALVINGS = 24
 MOST_CELLS = 200_000
-TOUCHES = 16
+FEW_TOUCHES, TOUCHES = 3, 16
 """Steps by which the point P is sought."""
 
 
@@ -87,10 +87,12 @@ def least(
     r: Reflection,
     device: Folded,
     centre: Float,
-    half: Float,
+    half: Float | None,
     point: Complex,
 ) -> Float:
     """Return a lower bound of q over each cell; >= 0 proves that |H S| <= 1 there.
+
+    Without cells, of `half` None, it is one at the points `centre` to rounding: a guide, no proof.
 
     Parameters
     ----------
@@ -99,7 +101,7 @@ def least(
     device : Folded
         The class.
     centre, half : ndarray of shape (n,)
-        Cells of theta within [0, pi].
+        Cells of theta within [0, pi]; points above 0 if `half` is None.
     point : ndarray of complex, shape (n,)
         P; any is valid, `touching` is best.
     """
@@ -107,20 +109,22 @@ def least(
         return _least(r, device, centre, half, point)
 
 
-def _least(r: Reflection, device: Folded, centre: Float, half: Float, point: Complex) -> Float:
-    def total(parts: Float) -> Enclosed:
-        return cosine_sum(parts[0], centre, half)
-
+def _least(
+    r: Reflection, device: Folded, centre: Float, half: Float | None, point: Complex
+) -> Float:
     theta = angle(centre, half)
     square = theta * theta
-    x = cosine_sum(np.array([1.0, -1.0]), centre, half)
-    curve = total(r.curve) * x + r.curve_0[0]
-    slope = total(r.slope)
-    turn = total(r.slope_sine) * sine_ratio(centre, half)
-    rest = total(r.rest)
+    size = len(r.rest[0])
+    rows = np.zeros((5, max(size, 2)))
+    rows[0, :2] = 1.0, -1.0
+    rows[1:, :size] = r.curve[0], r.slope[0], r.slope_sine[0], r.rest[0]
+    x, curve, slope, turn, rest = cosine_sums(rows, centre, half)
+    curve = curve * x + r.curve_0[0]
+    turn = turn * sine_ratio(centre, half)
     over = x.inverse()
     standing = float(r.rest_0[0])
-    lowest = centre <= half  # the cell that holds theta = 0
+    wide = np.zeros_like(centre) if half is None else half
+    lowest = centre <= wide  # the cell that holds theta = 0
     point = np.where(lowest, 0.0, point)
     drop = np.maximum(curve.most, 0.0) * (1.0 + 1e-12)
     bend = curve - drop
@@ -128,11 +132,11 @@ def _least(r: Reflection, device: Folded, centre: Float, half: Float, point: Com
     imag = turn
     given = rest
     if standing != 0.0:
-        top = 1.0 / (1.0 - np.cos(np.minimum(centre + half, math.pi)))
-        given = given + _either(lowest, standing * top * (1.0 - 1e-9), over * standing)
+        top = 1.0 / (1.0 - np.cos(np.minimum(centre + wide, math.pi)))
+        given = given + (over * standing).but(lowest, standing * top * (1.0 - 1e-9))
     if np.any(point != 0.0):
-        imag = imag + _either(lowest, 0.0 * drop, theta.inverse() * (-drop * point.imag))
-        given = given + _either(lowest, 0.0 * drop, over * (-drop * np.abs(point) ** 2))
+        imag = imag + (theta.inverse() * (-drop * point.imag)).but(lowest, 0.0 * drop)
+        given = given + (over * (-drop * np.abs(point) ** 2)).but(lowest, 0.0 * drop)
     given = 0.5 * given - _folded_in(device, theta, bend, real, imag)
     return _least_of_quadrant(device, square, given, real, imag, bend)
 
@@ -147,11 +151,7 @@ def _folded_in(
     lowest, highest = theta.value - theta.half, theta.value + theta.half
     for n in [*range(-FOLDS, 0), *range(1, FOLDS + 1)]:
         folded = theta + 2.0 * math.pi * n
-        at = (
-            np.abs(highest if n < 0 else lowest)
-            if n == 0
-            else np.minimum(np.abs(lowest + 2.0 * math.pi * n), np.abs(highest + 2.0 * math.pi * n))
-        )
+        at = np.abs((highest if n < 0 else lowest) + 2.0 * math.pi * n)
         bound = _folded_bound(device, at, sized, opposed, (turn if n < 0 else -turn).most)
         weight = folded.inverse()
         total = total + weight * weight * bound
@@ -199,16 +199,20 @@ def _least_of_quadrant(
     return np.where(given.least >= 0.0, best, -np.inf)
 
 
-def _either(where: npt.NDArray[np.bool_], a: Float, b: Enclosed) -> Enclosed:
-    return Enclosed(
-        b.half,
-        np.where(where, a, b.value),
-        np.where(where, 0.0, b.slope),
-        np.where(where, 0.0, b.rest),
-    )
+def not_refused(r: Reflection, device: Folded, theta: Float) -> bool:
+    """Return whether the bound holds at every theta > 0, to rounding: a guide, no proof.
+
+    Nearly all points need no close P.
+    """
+    for touches in (FEW_TOUCHES, TOUCHES):
+        point = touching(r, device, theta, touches)
+        theta = theta[~(least(r, device, theta, None, point) >= 0.0)]
+        if not len(theta):
+            return True
+    return False
 
 
-def touching(r: Reflection, device: Folded, theta: Float) -> Complex:
+def touching(r: Reflection, device: Folded, theta: Float, touches: int = TOUCHES) -> Complex:
     """Return the point of the sampled class at which q is least, nearly; 0 where q is concave."""
     best = np.zeros(theta.shape, dtype=complex)
     curve, slope, _ = r.at(theta)[0]
@@ -218,10 +222,10 @@ def touching(r: Reflection, device: Folded, theta: Float) -> Complex:
     curve, slope, theta = curve[convex], slope[convex], theta[convex]
     y = np.zeros(theta.shape, dtype=complex)
     folds = _folds(device, theta)
-    for _ in range(TOUCHES):
-        inclined = slope + curve * np.conj(y)
-        towards = _farthest(folds, -np.conj(inclined)) - y
-        fall = -(np.conj(inclined) * np.conj(towards)).real
+    for _ in range(touches):
+        inclined = slope.conjugate() + curve * y
+        towards = _farthest(folds, -inclined) - y
+        fall = -(np.conj(inclined) * towards).real
         step = np.clip(fall / (curve * np.abs(towards) ** 2 + 1e-300), 0.0, 1.0)
         y = y + step * towards
     best[convex] = y
@@ -229,41 +233,57 @@ def touching(r: Reflection, device: Folded, theta: Float) -> Complex:
 
 
 class _Folds(NamedTuple):
-    """What `_farthest` needs of the class at each theta and fold; arrays (n, folds)."""
+    """What `_farthest` needs of the class at each theta and fold; arrays (n, folds).
+
+    The frequencies of the first FOLDS are negative: their admittances are conjugate.
+    """
 
     weight: Float
-    mirrored: npt.NDArray[np.bool_]
     damping: float
     reactance: Float
     corner: Complex
+    upright: Float
+    """+1 where the frequency is positive, -1 where it is negative."""
 
 
 def _folds(device: Folded, theta: Float) -> _Folds:
     at = theta[:, None] + 2.0 * math.pi * np.arange(-FOLDS, FOLDS + 1)[None, :]
     weight = (np.sin(0.5 * at) / (0.5 * at)) ** 2
-    mirrored = at < 0.0
+    upright = np.sign(at)
     at = np.abs(at)
     reactance = device.mass * at - device.stiffness / at
     with np.errstate(divide="ignore", invalid="ignore"):
         corner = np.asarray(1.0 / (device.damping + 1j * reactance), np.complex128)
-    return _Folds(weight, mirrored, device.damping, reactance, corner)
+    return _Folds(weight, device.damping, reactance, corner, upright)
 
 
 def _farthest(folds: _Folds, direction: Complex) -> Complex:
-    """Return the sampled admittance of the class that reaches farthest in a direction."""
-    weight, mirrored, d, reactance, corner = folds
+    """Return the sampled admittance of the class that reaches farthest in a direction u.
+
+    A fold's admittances are bounded by those of R = d, a circle about 1 / 2d, and of X = x, one
+    about -j / 2x; each reaches farthest at its centre plus its radius times u, the class there or
+    at the corner of both.
+    """
+    weight, d, x, corner, upright = folds
     u = (direction / np.maximum(np.abs(direction), 1e-300))[:, None]
-    u = np.where(mirrored, np.conj(u), u)
-    found = np.zeros(u.shape, dtype=complex)
-    reach = np.zeros(u.shape)
+    c, s = u.real, upright * u.imag
     with np.errstate(divide="ignore", invalid="ignore"):
-        round_d = 0.5 / d * (1.0 + u)
-        round_x = 0.5 / reactance * (u - 1j)
-        allowed_d = (1.0 / round_d).imag >= reactance
-        allowed_x = (reactance > 0.0) & ((1.0 / round_x).real >= d)
-        for y, fine in ((corner, True), (round_d, allowed_d), (round_x, allowed_x)):
-            along = (np.conj(u) * y).real
-            better = fine & (along > reach)
-            found, reach = np.where(better, y, found), np.where(better, along, reach)
-    sampled: Complex = np.sum(weight * np.where(mirrored, np.conj(found), found), axis=1)
+        reach = c * corner.real + s * corner.imag
+        found_re, found_im = corner.real, corner.imag
+        held = reach > 0.0
+        found_re, found_im = np.where(held, found_re, 0.0), np.where(held, found_im, 0.0)
+        reach = np.where(held, reach, 0.0)
+        along = (1.0 + c) * (0.5 / d)
+        better = (-d * s >= x * (1.0 + c)) & (along > reach)
+        reach = np.where(better, along, reach)
+        found_re = np.where(better, along, found_re)
+        found_im = np.where(better, s * (0.5 / d), found_im)
+        radius = 0.5 / x
+        along = (1.0 - s) * radius
+        better = (x > 0.0) & (x * c >= d * (1.0 - s)) & (along > reach)
+        found_re = np.where(better, c * radius, found_re)
+        found_im = np.where(better, -along, found_im)
+    sampled: Complex = np.sum(weight * found_re, axis=1) + 1j * np.sum(
+        weight * upright * found_im, axis=1
+    )
     return sampled

@@ -25,13 +25,14 @@ device; the rest is derived here.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.analysis.wave_port.contraction import Folded, least, prove, touching
+from tautwave.analysis.wave_port.contraction import Folded, Outcome, not_refused, prove
 from tautwave.analysis.wave_port.reflection import Reflection, reflection
 from tautwave.laws.observer import ObserverParams
 from tautwave.laws.port import PortParams
@@ -111,14 +112,13 @@ def class_gain(
     if delay_periods > LATEST:
         return ClassGain(math.inf, math.pi, False)
     r = reflection(p, observer, delay_periods)
-    device = _folded(p, devices)
-    found = prove(r, device)
+    found = _proof(p, observer, delay_periods, devices)
     if found.proved:
         return ClassGain(1.0, 0.0, True)
     if not r.locked:
         return ClassGain(math.inf, math.pi, False)
     theta = POINTS if math.isnan(found.theta) else np.append(POINTS, found.theta)
-    gains = _reached(r, device, theta)
+    gains = _reached(r, _folded(p, devices), theta)
     worst = int(np.argmax(gains))
     return ClassGain(max(float(gains[worst]), 1.0), float(theta[worst]), False)
 
@@ -127,10 +127,14 @@ def contracting(
     p: PortParams, observer: ObserverParams, delay_periods: int, devices: DeviceClass
 ) -> bool:
     """Return whether |H S| <= 1 over a class of devices is proved."""
-    return (
-        delay_periods <= LATEST
-        and prove(reflection(p, observer, delay_periods), _folded(p, devices)).proved
-    )
+    return delay_periods <= LATEST and _proof(p, observer, delay_periods, devices).proved
+
+
+@functools.lru_cache(maxsize=256)
+def _proof(
+    p: PortParams, observer: ObserverParams, delay_periods: int, devices: DeviceClass
+) -> Outcome:
+    return prove(reflection(p, observer, delay_periods), _folded(p, devices))
 
 
 def stiffest_spring(
@@ -141,10 +145,16 @@ def stiffest_spring(
     `devices.stiffness` is not used. 0 if there is none.
     """
     guide = suggested_spring(p, observer, delay_periods, devices)
-    for share in RETREAT if guide > 0.0 else ():
+    r, refused = reflection(p, observer, delay_periods), POINTS[:0]
+    for share in RETREAT if guide > 0.0 and delay_periods <= LATEST else ():
         tried = devices._replace(stiffness=share * guide)
-        if contracting(p, observer, delay_periods, tried):
+        # Where one proof failed the next will, unless the spring is soft enough there.
+        if not not_refused(r, _folded(p, tried), refused):
+            continue
+        found = _proof(p, observer, delay_periods, tried)
+        if found.proved:
             return tried.stiffness
+        refused = np.array([found.theta] if found.theta > 0.0 else [])
     return 0.0
 
 
@@ -165,8 +175,7 @@ def suggested_spring(
         swing = p.period * math.sqrt(stiffness / devices.mass)
         near = np.concatenate([POINTS, swing - width, swing + width])
         near = near[(near >= POINTS[0]) & (near <= math.pi)]
-        device = _folded(p, devices._replace(stiffness=stiffness))
-        return bool(np.all(_bounds(r, device, near) >= 0.0))
+        return not_refused(r, _folded(p, devices._replace(stiffness=stiffness)), near)
 
     if not r.locked or not fine(from_):
         return 0.0
@@ -186,10 +195,6 @@ def _folded(p: PortParams, devices: DeviceClass) -> Folded:
     return Folded(
         devices.mass / p.period * less, devices.damping * less, devices.stiffness * p.period * more
     )
-
-
-def _bounds(r: Reflection, device: Folded, theta: Float) -> Float:
-    return least(r, device, theta, np.zeros_like(theta), touching(r, device, theta))
 
 
 def _reached(r: Reflection, device: Folded, theta: Float) -> Float:

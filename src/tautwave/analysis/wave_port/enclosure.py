@@ -6,7 +6,8 @@ Over a cell theta = centre + t, |t| <= half, a function is kept as
 
 and every operation adds to `rest` what it neglects, rounding included: `PAD` times the greatest
 size of what went in, some ten units in the last place. All arrays are of shape (n,), one entry per
-cell, so that a proof costs a few operations per cell.
+cell, so that a proof costs a few operations per cell. Where a guide is enough, the same operations
+on `AtPoints` keep values alone.
 
 Sources: Taylor models of first order (Makino & Berz); the padding is for IEEE doubles.
 """
@@ -84,33 +85,84 @@ class Enclosed:
         rest = rest + PAD * (np.abs(value) + square * self.reach)
         return Enclosed(self.half, value, -square * self.slope, np.where(known, rest, np.inf))
 
+    def but(self, where: npt.NDArray[np.bool_], given: Float) -> Enclosed:
+        """Return it with these numbers, exact ones, in the cells where it says so."""
+        return Enclosed(
+            self.half,
+            np.where(where, given, self.value),
+            np.where(where, 0.0, self.slope),
+            np.where(where, 0.0, self.rest),
+        )
 
-def angle(centre: Float, half: Float) -> Enclosed:
-    """Return theta itself."""
+
+class AtPoints(Enclosed):
+    """A function at n points, to rounding: nothing is enclosed, so that it proves nothing."""
+
+    half = np.zeros(())
+
+    def __init__(self, value: Float) -> None:
+        self.value = value
+        self.size = np.abs(value)
+
+    @property
+    def least(self) -> Float:
+        """Return u itself."""
+        return self.value
+
+    most = least
+
+    def __add__(self, other: Enclosed | Float | float) -> Enclosed:
+        return AtPoints(self.value + (other.value if isinstance(other, Enclosed) else other))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Enclosed:
+        return AtPoints(-self.value)
+
+    def __mul__(self, other: Enclosed | Float | float) -> Enclosed:
+        return AtPoints(self.value * (other.value if isinstance(other, Enclosed) else other))
+
+    __rmul__ = __mul__
+
+    def inverse(self) -> Enclosed:
+        """Return 1 / u."""
+        return AtPoints(1.0 / self.value)
+
+    def but(self, where: npt.NDArray[np.bool_], given: Float) -> Enclosed:
+        """Return it with these values where it says so."""
+        return AtPoints(np.where(where, given, self.value))
+
+
+def angle(centre: Float, half: Float | None) -> Enclosed:
+    """Return theta itself; `half` None: at the points `centre`."""
+    if half is None:
+        return AtPoints(centre)
     zero = np.zeros_like(centre)
     return Enclosed(half, centre, np.ones_like(centre), zero)
 
 
-def cosine_sum(coefficients: Float, centre: Float, half: Float) -> Enclosed:
-    """Return sum_k c_k cos(k theta), coefficients of shape (m,)."""
-    k = np.arange(len(coefficients), dtype=float)
-    turned = np.exp(1j * np.outer(centre, k))
-    parts = [turned @ (coefficients * (1j * k) ** at) for at in range(ORDER)]
-    value, slope = parts[0].real, parts[1].real
-    rest = np.zeros_like(centre)
-    step = half.copy()
+def cosine_sums(rows: Float, centre: Float, half: Float | None) -> list[Enclosed]:
+    """Return sum_k c_k cos(k theta) for each row of coefficients, of shape (rows, m)."""
+    k = np.arange(rows.shape[1], dtype=float)
+    if half is None:
+        return [AtPoints(each) for each in rows @ np.cos(np.outer(k, centre))]
+    derived = (rows * (1j * k) ** np.arange(ORDER)[:, None, None]).reshape(-1, len(k))
+    found = (derived @ np.exp(1j * np.outer(k, centre))).real.reshape(ORDER, len(rows), -1)
+    sizes = np.abs(rows)
     # Rounding of k theta grows with k; the same share is lost in each derivative.
-    lost = 4.0 * PAD * float(np.sum(np.abs(coefficients) * (1.0 + k)))
+    lost = 4.0 * PAD * np.sum(sizes * (1.0 + k), axis=1)[:, None]
+    rest = np.zeros_like(found[0])
+    step = half
     for at in range(2, ORDER):
         step = step * half / at
-        most = float(np.sum(np.abs(coefficients) * k**at)) * 4.0 * PAD * len(k)
-        rest = rest + step * (np.abs(parts[at].real) + most)
-    last = float(np.sum(np.abs(coefficients) * k**ORDER))
-    rest = rest + step * half / ORDER * last
-    return Enclosed(half, value, slope, rest * (1.0 + PAD) + lost * (1.0 + half))
+        most = (sizes @ k**at)[:, None] * (4.0 * PAD * len(k))
+        rest = rest + step * (np.abs(found[at]) + most)
+    rest = rest + step * half / ORDER * (sizes @ k**ORDER)[:, None]
+    rest = rest * (1.0 + PAD) + lost * (1.0 + half)
+    return [Enclosed(half, *each) for each in zip(found[0], found[1], rest, strict=True)]
 
 
-def sine_ratio(centre: Float, half: Float) -> Enclosed:
+def sine_ratio(centre: Float, half: Float | None) -> Enclosed:
     """Return sin(theta) / theta; its second derivative is nowhere larger than 1/3."""
     safe = np.maximum(centre, 0.1)
     value = np.where(centre > 0.1, np.sin(safe) / safe, 0.0)
@@ -119,4 +171,6 @@ def sine_ratio(centre: Float, half: Float) -> Enclosed:
     near = 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0)))
     near_slope = -centre / 3.0 * (1.0 - s / 10.0 * (1.0 - s / 28.0 * (1.0 - s / 54.0)))
     value, slope = np.where(centre > 0.1, value, near), np.where(centre > 0.1, slope, near_slope)
+    if half is None:
+        return AtPoints(value)
     return Enclosed(half, value, slope, half * half / 6.0 + 40.0 * PAD)

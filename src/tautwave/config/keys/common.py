@@ -24,7 +24,9 @@ GREATEST_WHOLE = 2**63 - 1
 class Block(BaseModel):
     """A mapping in the rig file: no unknown keys, no conversions, no infinities, no changes."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True
+    )
 
     part_group: ClassVar[str] = ""
     """Entry point group of the parts whose keys derive from this base."""
