@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,8 @@ import yaml
 
 from tautwave import Rig, Stepper
 from tautwave.certificate import certify
-from tautwave.config import parse_rig
+from tautwave.config import parse_rig, resolved_yaml
+from tests.commands import keep_in_one_process, tautwave
 
 DAMPING = 0.6
 AXIS: dict[str, Any] = {
@@ -137,3 +140,22 @@ def test_three_ports_and_weight_are_not_certified_and_ports_apart_are() -> None:
                for name in ("og", "pg")},
     )  # fmt: skip
     assert passive(apart)[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("limit", "broken"), [(20.0, 0), (0.02, 1)])
+def test_a_run_with_a_motor_at_its_limit_did_not_keep_its_condition(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: float, broken: int
+) -> None:
+    keep_in_one_process(monkeypatch)
+    found = rig({"a": limit})
+    assert certify(found).verdicts["passive"].conditions
+    (tmp_path / "rig.yaml").write_text(resolved_yaml(found))
+    moved = "simulation.hand.a.reference={type: minimum_jerk, waypoints: [[0.1, 0], [0.3, 0.05]]}"
+    words = "--clock", "fake", "--out", "out", "--duration", "0.5", "--set", moved
+    done = tautwave("run", "rig.yaml", *words, cwd=tmp_path)
+    assert done.exit_code == 0, done.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    said = summary["certificate"]["after_run"]["broken_conditions"]
+    assert len(said) == broken
+    assert all("if the motor of master.a is not at its effort_limit while" in one for one in said)

@@ -20,13 +20,13 @@ Source: derived here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
 from tautwave.rig import axis_allowance
 from tautwave.types import CommandDelay
-from tautwave_scenes.networks.network import Network
+from tautwave_scenes.networks.network import Link, Network
 from tautwave_scenes.rig.network import scene_of
 
 ALIKE = 1e-9
@@ -43,18 +43,15 @@ def clipping_elements(
         if len(ports) < 2:
             continue
         limits = {name: _limit(rig, name, delays[f"master.{name}"]) for name in ports}
-        held = any(
-            (link.a in nodes and link.b in grounds) or (link.b in nodes and link.a in grounds)
-            for link in network.links
-            if link.kind != "damper"
-        )
         heavy = network.gravity != 0.0 and any(mass.name in nodes for mass in network.masses)
-        yield _element(ports, limits, grounded=held, heavy=heavy)
+        grounded = is_grounded(network.links, nodes, grounds)
+        why = joined(len(ports), grounded=grounded, heavy=heavy)
+        yield limits_element(ports, limits, why)
 
 
-def clip_condition(network: Network, axis_name: str) -> tuple[str, ...]:
+def clip_condition(masses: bool, axis_name: str) -> tuple[str, ...]:
     """Return the condition on a port's motor where masses move behind it."""
-    if not network.masses:
+    if not masses:
         return ()
     return (
         f"the motor of {axis_name} is not at its effort_limit while the scene's masses move; the "
@@ -79,26 +76,17 @@ def _limit(rig: Rig, port: str, delay: CommandDelay) -> float:
     return axis_allowance(rig, f"master.{port}", delay).coupling_effort / scale
 
 
-def _element(ports: list[str], limits: dict[str, float], *, grounded: bool, heavy: bool) -> Element:
+def limits_element(ports: list[str], limits: Mapping[str, float], why: str) -> Element:
+    """Return the verdict on the limits of joined ports; `why` they cannot be alike, or ""."""
     title = f"limits of {', '.join(ports)}"
     least, greatest = min(limits.values()), max(limits.values())
     numbers = {f"limit_{name}": limit for name, limit in limits.items()}
-    why = ""
-    if len(ports) > 2:
-        why = "the scene joins more than two ports"
-    elif grounded:
-        why = "the scene joins them with a ground"
-    elif heavy:
-        why = "masses between them have weight"
-    elif greatest - least > ALIKE * greatest:
+    remedy = "join no more than two ports, by themselves, or require coupled_stable"
+    if not why and greatest - least > ALIKE * greatest:
         listed = ", ".join(f"{limit:.4g} N at {name}" for name, limit in limits.items())
         why = f"their limits differ in the scene's force: {listed}"
+        remedy = f"give them one effort_limit per position_scale ({least:.4g} N)"
     if why:
-        remedy = (
-            f"give them one effort_limit per position_scale ({least:.4g} N)"
-            if "differ" in why
-            else "join no more than two ports, by themselves, or require coupled_stable"
-        )
         verdict = Verdict(
             False,
             f"{title}: {why}, so where one motor is at its limit and another is not, moving the "
@@ -109,3 +97,21 @@ def _element(ports: list[str], limits: dict[str, float], *, grounded: bool, heav
             True, f"{title}: clipped at {least:.4g} N both, slow motion gives no energy."
         )
     return Element(title, "limits", "scene", verdict, verdict, numbers, (verdict.reason,))
+
+
+def joined(ports: int, *, grounded: bool, heavy: bool) -> str:
+    """Return what makes the forces at so many joined ports unequal, as a clause; "" of a pair."""
+    if ports > 2:
+        return "the scene joins more than two ports"
+    if grounded:
+        return "the scene joins them with a ground"
+    return "masses between them have weight" if heavy else ""
+
+
+def is_grounded(links: Iterable[Link], nodes: Collection[str], grounds: Collection[str]) -> bool:
+    """Return whether a link other than a damper holds some nodes to a ground."""
+    return any(
+        (link.a in nodes and link.b in grounds) or (link.b in nodes and link.a in grounds)
+        for link in links
+        if link.kind != "damper"
+    )

@@ -90,7 +90,7 @@ def scene_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Ele
     curved = _curved(network, hold_limit(rig, network.ports))
     yield _network(network, curved, tuned_scene(rig, prune(whole_network(rig)).network))
     for name in network.ports:
-        asked = (*curved, *clip_condition(network, f"master.{name}"))
+        asked = (*curved, *clip_condition(bool(network.masses), f"master.{name}"))
         yield _port(rig, network, name, delays[f"master.{name}"], asked)
     yield from clipping_elements(rig, network, delays)
 

@@ -43,6 +43,7 @@ from tautwave_scenes.certificate.joint import (
     seen,
 )
 from tautwave_scenes.certificate.verdict import active_links, joined
+from tautwave_scenes.certificate3d.clipping import limit_conditions, limits_elements
 from tautwave_scenes.certificate3d.contacts import regimes3d
 from tautwave_scenes.certificate3d.maps import levers, network3d_map
 from tautwave_scenes.networks.network import ACTIVE, LINEAR
@@ -175,7 +176,7 @@ def scene3d_certificate(
     scene = _Scene(rig, delays)
     closed = scene.closed()
     ports = ", ".join(name for name, _ in scene.network.grips)
-    elements = (_network(scene), *_ports(scene), *closed_element(closed))
+    elements = (_network(scene), *_ports(scene), *_limits(scene), *closed_element(closed))
     loops = (_loop(scene), *closed_loop(closed, ports))
     return joined(rig, elements, loops, passes)
 
@@ -234,6 +235,16 @@ def _ports(scene: _Scene) -> Iterator[Element]:
         )
 
 
+def _limits(scene: _Scene) -> Iterator[Element]:
+    """Yield the elements of ports that the network joins."""
+    scales = axis_scales(scene.rig)
+    limits = {
+        name: has.coupling_effort / abs(scale) if scale else math.inf
+        for name, has, scale in zip(scene.network.axes, scene.has, scales, strict=True)
+    }
+    return limits_elements(scene.network, limits)
+
+
 def _axis(scene: _Scene, at: int, name: str, need: JointNeed | None, why: str) -> Element:
     rig, axis = scene.rig, scene.rig.axes[name]
     unit = "N m s/rad" if axis.kind == "rotary" else "N s/m"
@@ -269,7 +280,11 @@ def _axis(scene: _Scene, at: int, name: str, need: JointNeed | None, why: str) -
                 f"no spring or damper acts on it at the start, at {rig.rate_hz:g} Hz or any rate."
             )
         if alone <= present:
-            conditions = (*scene.conditions(), *assumed(axis, name, inertia=True, damping=True))
+            conditions = (
+                *scene.conditions(),
+                *limit_conditions(scene.network, scene.network.axes[at]),
+                *assumed(axis, name, inertia=True, damping=True),
+            )
             passive = Verdict(True, f"{title}: {tail}", conditions, present - alone)
         else:
             tail += " Raise the rate or the device's damping, or lower the coupling spring."

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.laws.limit import CLIPPED, RATE_LIMITED, STOPPED
+from tautwave.laws.limit import AT_LIMIT, CLIPPED, RATE_LIMITED, STOPPED
 from tautwave.report.run.rundir import Run, engaged_rows
 from tautwave.report.units import count, plural
 
@@ -16,6 +16,7 @@ Bits = npt.NDArray[np.int64]
 
 REACHED = re.compile(r"the effort_rate_limit of (\S+) is not reached")
 ASKED = re.compile(r"the coupling of (\S+) asks for no more than")
+STRONG = re.compile(r"the motor of (\S+) is not at its effort_limit while")
 WHOLE = re.compile(r"no sample of (\S+) is lost and the host does not stall")
 """How the conditions begin that rows can tell, with the axis or pair that they are about."""
 
@@ -31,12 +32,14 @@ def broken_conditions(run: Run) -> Iterator[str]:
 
 def _broken(run: Run, condition: str) -> str:
     """Return how often a condition was not kept, as a clause; empty if it was, or if unknown."""
-    rate, clip, whole = (one.match(condition) for one in (REACHED, ASKED, WHOLE))
+    rate, clip, strong, whole = (one.match(condition) for one in (REACHED, ASKED, STRONG, WHOLE))
     axes, bits = [], 0
     if rate is not None:
         axes, bits = [rate[1]], RATE_LIMITED
     elif clip is not None:
         axes, bits = [f"{side}.{clip[1]}" for side in run.sides], CLIPPED
+    elif strong is not None:
+        axes, bits = [strong[1]], AT_LIMIT
     elif whole is not None:
         axis = run.result.axes.get(whole[1])
         lost = 0 if axis is None else axis.lost or 0
