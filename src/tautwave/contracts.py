@@ -126,6 +126,8 @@ class Driver(Protocol):
     what `open` found. `poll()`, if any, is called between `request` and `read` on a bus with a
     divisor. `dead_man`: `name` and `held()` of inputs held while engaged. `identities`: by axis, as
     are (or by joint behind it) the three on watchdogs: before `open` as the options have them.
+    `witness(name)`: what an axis' device says beside its samples, velocity and motor effort along
+    the axis, NaN where it says nothing; from the first call on it may ask for them on the bus.
     """
 
     command_delay: CommandDelay

@@ -118,6 +118,8 @@ class ForeignDrive:
         self.inertia, self.damping = 1.5e-3, 3.0e-3
         self.unit_of_rated = 1e-3
         """[N m] of one in 6076h."""
+        self.turns_torque = 1
+        """-1: it tells its torque with the other sign."""
         self.held = False
         """Somebody holds the shaft."""
         self.mute_of = self._muted = 0
@@ -223,7 +225,10 @@ class ForeignDrive:
         if index == 0x6064:
             return self.counts()
         if index == 0x6077:
-            return round(self.torque * 1e3 / max(self.rated_torque, 1e-9))
+            return self.turns_torque * round(self.torque * 1e3 / max(self.rated_torque, 1e-9))
+        if index == 0x606C:
+            turns = -1 if self.value(0x607E) & 0x40 else 1
+            return turns * round(self.speed / math.tau * self.counts_per_turn())
         return self.values[index, sub]
 
     def _written(self, index: int, subindex: int, data: bytes, **rest: Any) -> None:

@@ -44,6 +44,7 @@ ALLOWED = {
     "src/tautwave/session/facts.py": "text: what the rig states",
     "src/tautwave/session/acceptance/accepting.py": "makes a key of a key: a gentle rig",
     "src/tautwave/session/acceptance/guides.py": "asks for a share; the controller limits it",
+    "src/tautwave/session/acceptance/motion.py": "asks for a share; the controller limits it",
     "src/tautwave/session/acceptance/sensors.py": "an upper bound of friction: the motor's effort",
     "src/tautwave/session/identification/exciting.py": "asks for a share; the controller limits it",
     "src/tautwave/session/identification/identifying.py": "of a fit, from which keys are made",

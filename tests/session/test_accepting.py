@@ -95,6 +95,19 @@ def test_noise_delay_and_effort_are_measured_under_torque(tmp_path: Path) -> Non
     assert found["effort", "slave.lever"]["measured"]["ratio"] == pytest.approx(0.3 / 0.22)
 
 
+@pytest.mark.slow
+def test_a_motion_both_ways_is_small_and_nothing_is_kept_of_simulated_devices(
+    tmp_path: Path,
+) -> None:
+    rig = bench(tmp_path)
+    done = accept(rig, "identity,motion", "0.1\n0.1\n", "--axis", "slave.lever")
+    assert done.exit_code == 0, done.output
+    for way in ("forward", "back"):
+        moved = checks(rig)["motion", f"slave.lever {way}"]["measured"]["moved"]
+        assert math.radians(0.5) < moved < math.radians(5.0)
+    assert not list(tmp_path.glob("*.accepted.json"))
+
+
 @pytest.mark.parametrize(
     ("truth", "wrong"),
     [
@@ -296,6 +309,7 @@ def judge(folder: Path, content: dict[str, Any]) -> None:
         ran = yaml.safe_load((folder / "runs" / "accept" / stage / "rig.yaml").read_text())
         limits.append(ran["slave"]["axes"]["j1"]["effort_limit"])
     assert limits[0] == pytest.approx(0.1 * limits[1])
+    assert not (folder / "drives.accepted.json").exists()  # of software, not of hardware
     assert found["watchdog", "loss"]["said"] != "nothing was lost"
     document = folder / "runs" / "accept" / FILE
     assert verify(document, folder / "keys") == ([], "master")
@@ -328,6 +342,8 @@ def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
 
 
 def with_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
+    talk.hears("is pushed both ways")
+    talk.types()
     talk.hears("gets a tenth")
     talk.types()
     for _ in range(4):

@@ -9,6 +9,7 @@ from tautwave.contracts import AxisSpec
 from tautwave.types import AxisCommand, Fault, JointState
 from tautwave_drivers.canopen.mapping import RPDO_1, TPDO_1, Layout, mapping_of, sensor_entry
 from tautwave_drivers.canopen.options import CanopenOptions, Node, limit_permille, scale
+from tautwave_drivers.canopen.witness import Told
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.machine import Machine
@@ -49,6 +50,8 @@ class Axis:
         TPDOs are missing, and the next may belong to an older SYNC.
     late, short, lost : int
         TPDOs for an older SYNC, with too few bytes, or missing; `lost_then` a second ago or less.
+    told : Told
+        What it says of velocity and torque, where somebody asks.
     loans : dict of Entry to int
         What was found in objects that are changed while the bus is open: 6072h, watchdogs.
     unwatched : str
@@ -83,6 +86,7 @@ class Axis:
         self.response_time = ResponseTime()
         self.errors: list[Fault] = []
         self.identity: dict[str, str] = {}
+        self.told = Told()
         self.reset()
 
     def map(self, rpdo: Layout, tpdo: Layout) -> None:
@@ -136,6 +140,7 @@ class Axis:
         self._candidate: tuple[bytes, int] | None = None
         self._steady = False
         self.errors.clear()
+        self.told.reset()
 
     # -- TPDOs --------------------------------------------------------------------------------
 
@@ -320,6 +325,14 @@ class Axis:
         reported = ((self.lost, "missing"), (self.late, "late"), (self.short, "too short"))
         words = ", ".join(f"{count} {word}" for count, word in reported if count)
         return f"{self.label}: TPDOs {words}" if words else ""
+
+    def witnessed(self) -> tuple[float, float]:
+        """Return what the drive says of velocity and motor effort along the axis, from now on."""
+        self.told.wanted = True
+        return (
+            self._sign * self.told.velocity * self.scale.velocity_quantum,
+            self._sign * self.told.torque * self.scale.effort_quantum,
+        )
 
     def state(self, now_ns: int) -> JointState:
         """Return what was measured in this cycle."""

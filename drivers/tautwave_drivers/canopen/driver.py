@@ -245,6 +245,11 @@ class CanopenDriver(DriverBase):
         self._health.faults = []
         return found
 
+    def witness(self, name: str) -> tuple[float, float]:
+        """Return what a drive says of velocity and motor effort, read from now on."""
+        (axis,) = (axis for axis in self._axes if axis.spec.name == name)
+        return axis.witnessed()
+
     def fill(self, row: Row, at: int) -> None:
         """Record how long after SYNC each TPDO came [us], and motors' torques; NaN: none did."""
         begun_ns = 0 if self._exchange is None else self._exchange.sync_ns

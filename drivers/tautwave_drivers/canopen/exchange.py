@@ -116,9 +116,16 @@ class Exchange:
             self.send(self._beat_id, _BEAT)
         if cycle % 4 == 0:
             self._ask_modes(cycle)
+        elif cycle % 2:
+            self._ask_witnesses(cycle)
         elif self._switched and cycle % self._ask_every == 2:
             for axis in self._switched:
                 self.send(0x600 + axis.node.id, READ_INPUTS)
+
+    def _ask_witnesses(self, cycle: int) -> None:
+        for axis in self._axes:
+            if request := axis.told.request(cycle):
+                self.send(0x600 + axis.node.id, request)
 
     def _stay_quiet(self) -> bool:
         """Leave one SYNC out if it is unclear to which one the TPDOs belong.

@@ -108,7 +108,7 @@ class Health:
             self._emergency(axis, data)
         elif service == 0x580 and len(data) >= 5 and data[1:4] == b"\x61\x60\x00":
             self._mode_display(axis, data)
-        elif service == 0x580:
+        elif service == 0x580 and not axis.told.take(data):
             take_inputs(axis, data, arrival_ns)
 
     def _heartbeat(self, axis: Axis, state: int, arrival_ns: int) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 
 from tautwave.config import Rig, calibration_of
 from tautwave.config.keys.calibration import AxisCalibration
@@ -87,6 +88,15 @@ class CalibratedDriver(DriverWrapper):
                 for command, (zero, way) in zip(commands, self._zeros, strict=True)
             ]
         self._driver.write(commands)
+
+    def witness(self, name: str) -> tuple[float, float]:
+        """Return what a device says of velocity and motor effort, in the axis' direction."""
+        told: Callable[[str], tuple[float, float]] | None = getattr(self._driver, "witness", None)
+        if told is None:
+            return math.nan, math.nan
+        velocity, effort = told(name)
+        way = self._zeros[list(self._names).index(name)][1]
+        return way * velocity, way * effort
 
 
 def identities(driver: Driver) -> Mapping[str, Mapping[str, str]]:

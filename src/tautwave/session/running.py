@@ -20,6 +20,7 @@ from tautwave.runtime.machine import quiet_collector, realtime
 from tautwave.runtime.operate.commands import Source
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.runtime.unwatched import warning
+from tautwave.session.acceptance.accepted import comparing
 from tautwave.session.certified import (
     certificate_of,
     certificates_of,
@@ -98,6 +99,7 @@ def run(
     live: Sequence[Source] = (),
     progress: Callable[[float, str], None] | None = None,
     warn: Callable[[str], None] | None = None,
+    accepting: bool = False,
 ) -> RunResult:
     """Run a rig and leave a run directory behind.
 
@@ -131,7 +133,9 @@ def run(
         Called now and then with the fraction done and a short text.
     warn : callable, optional
         Called, before anything is enabled, with a sentence about each device that no watchdog of
-        its own stops.
+        its own stops, and about real devices that nobody accepted.
+    accepting : bool
+        This run is part of an acceptance, and not compared with an earlier one.
 
     Raises
     ------
@@ -201,7 +205,8 @@ def run(
         ):
             assembly = with_tuning(assembly, tuning)
             facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
-            moved = _move(rig, clock, directory, text, assembly, progress, warn, keep, facts)
+            real = [] if accepting else real_buses(ways)
+            moved = _move(rig, clock, directory, text, assembly, progress, warn, keep, facts, real)
             if link is not None:
                 link.leave(moved.result)
     if progress is not None:
@@ -271,6 +276,20 @@ def _kept_text(rig: Rig, directory: Path) -> str:
     return resolved_yaml(rig)
 
 
+def _opened(
+    rig: Rig, assembly: Assembly, real: Sequence[str], warn: Callable[[str], None]
+) -> Callable[[], None]:
+    """Return what is looked at when every bus is open; `real` are those with hardware."""
+    unwatched = warning(assembly.buses, warn)
+    compare = comparing(rig, [bus for bus in assembly.buses if bus.name in real], warn)
+
+    def opened() -> None:
+        compare()
+        unwatched()
+
+    return opened
+
+
 def _move(
     rig: Rig,
     clock: str,
@@ -281,6 +300,7 @@ def _move(
     warn: Callable[[str], None] | None,
     keep: Callable[[], None],
     facts: dict[str, Any],
+    real: Sequence[str],
 ) -> Moved:
     """Run the loop of a built rig with its recorder; call `keep` once it has begun.
 
@@ -308,7 +328,7 @@ def _move(
         recorder,
         progress,
         begun=recorder.begin,
-        opened=None if warn is None else warning(assembly.buses, warn),
+        opened=None if warn is None else _opened(rig, assembly, real, warn),
     )
     with interrupts() as heard, heard.calling(loop.stop):
         recorder.start()

@@ -236,3 +236,21 @@ def test_a_simulated_drive_states_its_rated_torque_as_a_current_where_the_rig_ha
     assert rig.devices()[0].objects.number(0x6076) == 10_000
     rig.open_and_enable()
     rig.driver.close()
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_velocity_and_torque_are_told_along_the_axis(direction: int, turned: int) -> None:
+    rig = foreign({(0x607C, 0): 0}, first={"direction": direction})
+    rig.drive.turns_torque = turned
+    rig.enable()
+    rig.driver.witness("master.a1")
+    for _ in range(40):
+        (state,) = rig.cycle(0.05)
+    velocity, effort = rig.driver.witness("master.a1")
+    assert state.position > 0.0
+    assert velocity == pytest.approx(direction * rig.drive.speed, rel=0.5)
+    assert effort == pytest.approx(turned * 0.05, abs=1e-3)
+    assert rig.driver.identities["master.a1"]["scales"].startswith("607C:00=0 ")
+    assert "6072" not in rig.driver.identities["master.a1"]["scales"]
+    rig.driver.close()

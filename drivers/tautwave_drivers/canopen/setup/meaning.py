@@ -55,12 +55,16 @@ class Verdict(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Objects, what they scale, the values that are right for it, in words, and the rule."""
+    """Objects, what they scale, the values that are right for it, in words, and the rule.
+
+    `caps`: they only limit it, and a run or a person may lower them.
+    """
 
     entries: tuple[Entry, ...]
     scales: str
     right: str
     judge: Callable[[Read, Axis], Verdict]
+    caps: bool = False
 
 
 def check_meaning(drive: RemoteDrive, axis: Axis) -> list[str]:
@@ -78,6 +82,13 @@ def check_meaning(drive: RemoteDrive, axis: Axis) -> list[str]:
             raise DeviceFault(f"{drive.name}: {verdict.refusal}")
         if verdict.note:
             notes.append(f"{drive.name}{verdict.note}")
+    axis.identity["scales"] = " ".join(
+        f"{entry.address}={value}"
+        for row in TABLE
+        if not row.caps
+        for entry in row.entries
+        if (value := read[entry]) is not None
+    )
     for name, entry in (("home_offset", o.HOME_OFFSET), ("rated_current", o.RATED_CURRENT)):
         value = read[entry]
         if value is not None:
@@ -456,11 +467,17 @@ TABLE = (
     ),
     Row((o.RATED_TORQUE,), "6071h, 6072h and 6077h", "rated_torque of the rig", _rated_torque),
     Row((o.RATED_CURRENT,), "6077h on drives that take it from current", "not 0", _rated_current),
-    Row((o.MAX_TORQUE,), "the most of 6071h", "effort_limit", _torque_cap(o.MAX_TORQUE, _KILLED)),
+    Row(
+        (o.MAX_TORQUE,),
+        "the most of 6071h",
+        "effort_limit",
+        _torque_cap(o.MAX_TORQUE, _KILLED),
+        True,
+    ),
     *(
-        Row((entry,), "the most of 6071h", "effort_limit", _torque_cap(entry))
+        Row((entry,), "the most of 6071h", "effort_limit", _torque_cap(entry), True)
         for entry in (o.POSITIVE_TORQUE_LIMIT, o.NEGATIVE_TORQUE_LIMIT)
     ),
-    Row((o.MAX_MOTOR_SPEED,), "the fastest of 606Ch", "velocity_limit", _speed_cap),
+    Row((o.MAX_MOTOR_SPEED,), "the fastest of 606Ch", "velocity_limit", _speed_cap, True),
 )
 ENTRIES = tuple(entry for row in TABLE for entry in row.entries)

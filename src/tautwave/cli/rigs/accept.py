@@ -18,7 +18,9 @@ from tautwave.cli.options import (
 )
 from tautwave.errors import ConfigError
 
-STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
+STAGES = (
+    "identity", "hand", "limits", "noise", "watchdog", "motion", "delay", "effort", "gentle", "full"
+)  # fmt: skip
 
 
 @click.command(short_help="Guide you through commissioning real drives: measure, record, seal.")
@@ -75,10 +77,12 @@ def accept(
     """Run acceptance tests on the devices of RIG, stage by stage from low to high risk.
 
     Without torque: identity, sign and scale by hand, limits. Enabled with zero effort: noise at
-    rest, the watchdog by unplugging the cable. With effort: delay by a step, effort with a spring
-    scale, then the coupled rig at a tenth of its effort and at full effort. The first failed stage
-    ends it with exit code 6. acceptance.json holds every result, sealed by the SHA-256 of every
-    recording and of itself; --keys signs it, and with --verify shows who signed.
+    rest, the watchdog by unplugging the cable. With effort: small motions both ways against all
+    signs, delay by a step, effort with a spring scale, then the coupled rig at a tenth of its
+    effort and at full effort. The first failed stage ends it with exit code 6. acceptance.json
+    holds every result, sealed by the SHA-256 of every recording and of itself; --keys signs it, and
+    with --verify shows who signed. Real devices that passed identity and motion are kept in
+    RIG.accepted.json beside RIG, and compared in every run.
 
     \b
     Examples:

@@ -11,8 +11,11 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DriverError, SafetyStop
+from tautwave.rig import bus_ways, real_buses
 from tautwave.session.acceptance import guides
+from tautwave.session.acceptance.accepted import NEEDED, keep_accepted
 from tautwave.session.acceptance.document import Check, file_digest, write_sealed
+from tautwave.session.acceptance.motion import motions
 from tautwave.session.guided.control import GuidedControl
 from tautwave.session.guided.running import (
     Conversation,
@@ -23,7 +26,9 @@ from tautwave.session.guided.running import (
 )
 from tautwave.session.running import run as run_rig
 
-STAGES = ("identity", "hand", "limits", "noise", "watchdog", "delay", "effort", "gentle", "full")
+STAGES = (
+    "identity", "hand", "limits", "noise", "watchdog", "motion", "delay", "effort", "gentle", "full"
+)  # fmt: skip
 """In rising risk: nothing has torque in the first three, nothing is commanded up to the fifth."""
 
 GENTLE = 0.1
@@ -63,11 +68,12 @@ def accept(
 
         identity_files(asked.keys, asked.site)  # not only at the end of the day
     checks: list[Check] = []
+    said: dict[str, Mapping[str, str]] = {}
     ended = ""
     for stage in asked.stages:
         talk.say(f"-- {stage}")
         try:
-            found = list(_stage(stage, rig, asked, talk, out / stage, ways))
+            found = list(_stage(stage, rig, asked, talk, out / stage, ways, said))
         except (DriverError, SafetyStop) as err:
             if not checks:
                 raise
@@ -78,8 +84,8 @@ def accept(
                 for key, value in check.measured.items()
             )
             verdict = "good" if check.good else f"FAILED, expected {check.expected}"
-            said = ": ".join(filter(None, (f"{check.stage} {check.what}", numbers, verdict)))
-            talk.say(f"  {said}")
+            line = ": ".join(filter(None, (f"{check.stage} {check.what}", numbers, verdict)))
+            talk.say(f"  {line}")
         checks += found
         if not all(check.good for check in found):
             ended = stage
@@ -95,7 +101,14 @@ def accept(
         "accepted": not ended,
         "checks": [{**check._asdict(), "measured": _plain(check.measured)} for check in checks],
     }
-    return write_sealed(out, content, asked.keys, asked.site), checks
+    document = write_sealed(out, content, asked.keys, asked.site)
+    real = real_buses(bus_ways(rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach))
+    devices = {name: said[name] for name in asked.axes if name in said}
+    devices = {name: one for name, one in devices.items() if rig.axes[name].bus in real}
+    if devices and not ended and set(NEEDED) <= set(asked.stages):
+        kept = keep_accepted(asked.rig, devices, asked.by, document)
+        talk.say(f"{kept}: what a run on these devices compares")
+    return document, checks
 
 
 def _plain(measured: Mapping[str, float | str]) -> dict[str, float | str | None]:
@@ -107,8 +120,15 @@ def _plain(measured: Mapping[str, float | str]) -> dict[str, float | str | None]
 
 
 def _stage(
-    stage: str, rig: Rig, asked: Acceptance, talk: Conversation, out: Path, ways: Ways
+    stage: str,
+    rig: Rig,
+    asked: Acceptance,
+    talk: Conversation,
+    out: Path,
+    ways: Ways,
+    said: dict[str, Mapping[str, str]],
 ) -> Iterator[Check]:
+    """Run a stage and yield its checks; what devices say of themselves is put into `said`."""
     if stage in ("gentle", "full"):
         yield from _coupled(stage, asked, talk, out, ways)
         return
@@ -120,11 +140,13 @@ def _stage(
         "hand": lambda control: guides.sign_and_scale(rig, asked.axes, control),
         "limits": lambda control: guides.ranges(rig, asked.axes, control),
         "noise": lambda control: guides.noise(rig, asked.axes, control),
+        "motion": lambda control: motions(rig, asked.axes, control),
         "delay": lambda control: guides.delays(rig, asked.axes, control),
         "effort": lambda control: guides.efforts(rig, asked.axes, control),
     }
     free = stage in ("identity", "hand", "limits")
     done = run_guided(rig, made[stage], talk, out=out, torque=not free, guarded=not free, ways=ways)
+    said.update(done.identities)
     if stage == "identity":
         yield from _identity(asked, done, talk)
         return
@@ -135,8 +157,8 @@ def _identity(asked: Acceptance, done: Guided, talk: Conversation) -> Iterator[C
     for note in done.notes:
         talk.say(f"  {note}")
     for name in asked.axes:
-        said = dict(done.identities.get(name, {}))
-        yield Check("identity", name, dict(said), "opened, and compared with the rig", True)
+        told = dict(done.identities.get(name, {}))
+        yield Check("identity", name, dict(told), "opened, and compared with the rig", True)
 
 
 def _watchdog(rig: Rig, talk: Conversation, out: Path, ways: Ways) -> Iterator[Check]:
@@ -187,6 +209,7 @@ def _coupled(
     result = run_rig(
         rig, out=out, clock=ways.clock, simulate=ways.simulate, attach=ways.attach,
         allow_unwatched=ways.allow_unwatched, configure=ways.configure, warn=talk.say,
+        accepting=True,
     )  # fmt: skip
     summary = result.summary
     energy = summary.get("energy_j", {})

@@ -6,6 +6,7 @@ asks the person through it, and may push an axis within the limits of the rig.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
@@ -24,6 +25,11 @@ SHOW_NS = 200_000_000
 
 Guide = Callable[["GuidedControl"], Generator[None, None, Any]]
 """Takes the controller, and returns its result when the procedure is over."""
+
+
+def _nothing(name: str) -> tuple[float, float]:
+    """Witness of devices that tell neither."""
+    return math.nan, math.nan
 
 
 class GuidedControl(Control):
@@ -67,6 +73,8 @@ class GuidedControl(Control):
         self._shown_ns = -SHOW_NS
         self._slot = 0
         self._places = {name.name: at for at, name in enumerate(names)}
+        self.witness: Callable[[str], tuple[float, float]] = _nothing
+        """What a device says of an axis' velocity and motor effort, along the axis [SI]."""
         self._steps = guide(self)
         self.number = 0
         self.over = False

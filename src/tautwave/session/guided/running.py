@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -174,6 +175,22 @@ def run_guided(
     return Guided(control.result, said, notes)
 
 
+def _witness(assembly: Assembly) -> Callable[[str], tuple[float, float]]:
+    """Return what the devices say of velocity and motor effort beside their samples."""
+    by_axis = {
+        name: witness
+        for bus in assembly.buses
+        if (witness := getattr(bus.driver, "witness", None)) is not None
+        for name in bus.axes
+    }
+
+    def tell(name: str) -> tuple[float, float]:
+        told: tuple[float, float] = by_axis[name](name) if name in by_axis else (math.nan, math.nan)
+        return told
+
+    return tell
+
+
 def _guided(
     rig: Rig,
     assembly: Assembly,
@@ -198,6 +215,7 @@ def _guided(
         run, axis_names(rig, tuple(delays)), params, [0.0] * at, guide,
         talk.answers, talk.say, talk.show, guarded=guarded,
     )  # fmt: skip
+    control.witness = _witness(assembly)
     sources = [control, *assembly.sources[1:]]
     columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]
     return assembly._replace(control=control, sources=sources, columns=columns)

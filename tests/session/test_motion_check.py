@@ -1,0 +1,188 @@
+"""The motion check of an acceptance: small pushes both ways tell every turned sign."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tautwave.config import Rig, load_rig
+from tautwave.errors import ConfigError, DeviceFault
+from tautwave.runtime.sensing import LoopBus
+from tautwave.session.acceptance.accepted import accepted_path, comparing, keep_accepted
+from tautwave.session.acceptance.document import Check
+from tautwave.session.acceptance.motion import MOST_SHARE, TOO_FAR, motions
+from tautwave.session.guided.control import GuidedControl
+from tests.session.test_calibrating import BENCH
+
+AXIS = "master.lever"
+PERIOD_NS = 1_000_000
+
+
+class Device:
+    """A mass with friction under a guide; signs of what it tells may be turned."""
+
+    def __init__(
+        self,
+        inertia: float = 1e-3,
+        coulomb: float = 0.0,
+        damping: float = 0.0,
+        *,
+        position: int = 1,
+        velocity: float = 1.0,
+        effort: float = 1.0,
+        commands: int = 1,
+    ) -> None:
+        self.inertia, self.coulomb, self.damping = inertia, coulomb, damping
+        self.signs = position, velocity, effort, commands
+        self.run = SimpleNamespace(period_ns=PERIOD_NS)
+        self.now_ns = 0
+        self.x = self.v = self.pushed = self.most = self.travel = 0.0
+
+    def ask(self, question: str) -> Any:
+        yield
+        return ""
+
+    def position(self, name: str) -> float:
+        return self.signs[0] * self.x
+
+    def velocity(self, name: str) -> float:
+        return self.signs[0] * self.v
+
+    def push(self, name: str, effort: float) -> None:
+        self.pushed = effort
+        self.most = max(self.most, abs(effort))
+
+    def witness(self, name: str) -> tuple[float, float]:
+        return self.signs[1] * self.v, self.signs[2] * self.signs[3] * self.pushed
+
+    def pass_slot(self) -> None:
+        for _ in range(2):
+            effort = self.signs[3] * self.pushed
+            friction = self.coulomb if self.v else min(self.coulomb, abs(effort))
+            drag = math.copysign(friction, self.v or effort) + self.damping * self.v
+            v = self.v + (effort - drag) / self.inertia * 5e-4
+            self.v = 0.0 if self.v * v < 0.0 and abs(effort) <= self.coulomb else v
+            self.x += self.v * 5e-4
+        self.travel = max(self.travel, abs(self.x))
+        self.now_ns += PERIOD_NS
+
+
+def bench() -> Rig:
+    return load_rig(BENCH)
+
+
+RIG = bench()
+LIMIT = RIG.axes[AXIS].effort_limit
+
+
+def checked(device: Device) -> list[Check]:
+    guide = motions(RIG, [AXIS], cast(GuidedControl, device))
+    while True:
+        try:
+            next(guide)
+        except StopIteration as ended:
+            return list(ended.value)
+        device.pass_slot()
+
+
+@settings(max_examples=30)
+@given(
+    inertia=st.floats(1e-4, 1e-1),
+    coulomb=st.floats(0.0, 0.15 * LIMIT),
+    damping=st.floats(0.0, 1e-2),
+)
+def test_a_device_that_goes_the_right_way_passes_and_stays_near(
+    inertia: float, coulomb: float, damping: float
+) -> None:
+    device = Device(inertia, coulomb, damping)
+    found = checked(device)
+    assert [check.what for check in found] == [f"{AXIS} forward", f"{AXIS} back"]
+    assert all(check.good for check in found), found
+    assert device.travel <= TOO_FAR["rotary"]
+    assert device.most <= MOST_SHARE * LIMIT * (1.0 + 1e-9)
+    assert device.pushed == 0.0
+
+
+@pytest.mark.parametrize(
+    ("signs", "against"),
+    [
+        ({"position": -1}, "position"),
+        ({"position": -1, "velocity": -1.0}, "position, velocity"),  # 607Eh, torque as it was
+        ({"velocity": -1.0}, "velocity"),
+        ({"effort": -1.0}, "motor effort"),
+        ({"commands": -1}, "position, velocity, motor effort"),
+        ({"velocity": math.nan, "effort": math.nan}, ""),
+        ({"effort": 0.0}, ""),
+    ],
+)
+def test_every_turned_sign_is_named(signs: dict[str, Any], against: str) -> None:
+    device = Device(coulomb=0.02 * LIMIT, **signs)
+    for check in checked(device):
+        assert check.good == (not against), check
+        assert check.measured.get("against the push", "") == against
+    assert device.travel <= TOO_FAR["rotary"]
+
+
+def test_a_device_that_does_not_move_is_not_good() -> None:
+    assert not any(check.good for check in checked(Device(coulomb=LIMIT)))
+
+
+# -- what is kept, and compared ------------------------------------------------------------------
+
+
+def opened(path: Path, said: dict[str, dict[str, str]]) -> tuple[list[str], Any]:
+    rig = RIG.read_from(path)
+    driver = SimpleNamespace(identities=said)
+    bus = cast(LoopBus, SimpleNamespace(name="arms", axes=[AXIS, "slave.lever"], driver=driver))
+    heard: list[str] = []
+    return heard, comparing(rig, [bus], heard.append)
+
+
+BOTH = {AXIS: {"serial": "0x4D", "software": "1.2"}, "slave.lever": {"serial": "0x4E"}}
+
+
+def test_a_run_compares_devices_with_what_was_accepted(tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    heard, compare = opened(path, BOTH)
+    compare()
+    compare()  # after a reset
+    (sentence,) = heard
+    assert sentence.startswith(f"not accepted: {AXIS}, slave.lever; `tautwave accept rig.yaml`")
+    keep_accepted(path, {AXIS: BOTH[AXIS]}, "me", tmp_path / "acceptance.json")
+    heard, compare = opened(path, BOTH)
+    compare()
+    assert [one.split(";")[0] for one in heard] == ["not accepted: slave.lever"]
+    keep_accepted(path, {"slave.lever": BOTH["slave.lever"]}, "me", tmp_path / "acceptance.json")
+    assert json.loads(accepted_path(path).read_text())["devices"] == BOTH
+    heard, compare = opened(path, BOTH)
+    compare()
+    assert heard == []
+    changed = BOTH | {AXIS: {"serial": "0x4D", "software": "1.3"}}
+    _, compare = opened(path, changed)
+    with pytest.raises(DeviceFault, match=rf"{AXIS}: software was 1.2, now 1.3; put it back"):
+        compare()
+    _, compare = opened(path, {})
+    with pytest.raises(DeviceFault, match="serial was 0x4D, now not given"):
+        compare()
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"devices": 3}', '{"devices": {"a": 1}}'])
+def test_a_damaged_file_is_said(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rig.yaml"
+    accepted_path(path).write_text(text)
+    _, compare = opened(path, BOTH)
+    with pytest.raises(ConfigError, match=r"rig\.accepted\.json: was not written by"):
+        compare()
+
+
+def test_a_rig_without_hardware_says_nothing(tmp_path: Path) -> None:
+    heard: list[str] = []
+    comparing(RIG.read_from(tmp_path / "rig.yaml"), [], heard.append)()
+    assert heard == []
