@@ -5,15 +5,19 @@ from __future__ import annotations
 import asyncio
 import queue
 import socket
+import ssl
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from websockets.sync.client import ClientConnection, connect
+
 from tautwave.runtime.operate.mailbox import Mailbox
 from tautwave.runtime.recorder import Recorder
-from tautwave.view.guard import Door
+from tautwave.sites.certificates import make_authority
+from tautwave.view.guard import Door, open_door
 from tautwave.view.server import Server
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
@@ -62,12 +66,17 @@ class Run:
 
 @contextmanager
 def served(
-    directory: Path, rig: str | None = None, *, plain: bool = False, **facts: Any
+    directory: Path,
+    rig: str | None = None,
+    *,
+    plain: bool = False,
+    door: Door | None = None,
+    **facts: Any,
 ) -> Iterator[tuple[Run, Door]]:
     """Serve a run's viewers, with Foxglove's unless `plain`; both end with the block."""
     run = Run(directory, rig, **facts)
     urls: queue.Queue[str] = queue.Queue()
-    door = Door("127.0.0.1", 0, None, "secret-token")
+    door = door or Door("127.0.0.1", 0, None, "secret-token")
     more: dict[str, Any] = {} if plain else {"foxglove": True}
     server = Server(directory, door, urls.put, **more)
     thread = threading.Thread(target=lambda: asyncio.run(server.serve()))
@@ -89,3 +98,31 @@ def ask(door: Door, text: str) -> str:
         while data := raw.recv(65536):
             found += data
     return found.decode("utf-8", "replace")
+
+
+class Elsewhere(Door):
+    """A door that other machines reach, as far as the server knows."""
+
+    local = False  # type: ignore[assignment]
+
+
+def elsewhere(keys: Path) -> tuple[Door, ssl.SSLContext]:
+    """Return such a door, with new keys, and what a viewer who knows its certificate speaks."""
+    make_authority(keys, ["page", "other"])
+    opened = open_door("127.0.0.1", 0, keys / "page.pem", keys / "page.key")
+    context = ssl.create_default_context(cafile=str(keys / "authority.pem"))
+    context.check_hostname = False
+    return Elsewhere(*opened._replace(token="secret-token")), context
+
+
+def knock(door: Door, context: ssl.SSLContext, **more: Any) -> ClientConnection:
+    """Open a page's socket by TLS."""
+    where = f"127.0.0.1:{door.port}"
+    return connect(
+        f"wss://{where}/live",
+        origin=f"https://{where}",  # type: ignore[arg-type]
+        ssl=context,
+        compression=None,
+        ping_interval=None,
+        **more,
+    )

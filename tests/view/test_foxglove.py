@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import os
+import queue
 import struct
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from tautwave.errors import RecordingError
 from tautwave.runtime.mcap_schema import CDR_HEADER
 from tautwave.runtime.tuning.desk import Desk, last_left
 from tautwave.view import foxglove, tuner
 from tautwave.view.guard import Door
+from tautwave.view.server import Server
 from tests.view.served import BENCH, COLUMNS, Run, ask, served
 
 K = "coupling.pairs.lever.wall_slave.stiffness"
@@ -105,6 +111,61 @@ def test_rows_come_as_ros_messages(serving: tuple[Run, Door, Desk]) -> None:
             values = struct.unpack(f"<{len(COLUMNS)}d", data[17:])
             assert values[3] == row
             assert time_ns == run.recorder_epoch_ns + round(1e9 * values[0])
+
+
+def test_subscriptions_of_a_socket_are_bounded(serving: tuple[Run, Door, Desk]) -> None:
+    run, door, _ = serving
+    with client(door, "") as socket:
+        (channel,) = heard(socket, "advertise")["channels"]
+        for begin in range(0, 3000, 1000):  # of 60,000 each brought every row
+            asked = [{"id": begin + k, "channelId": channel["id"]} for k in range(1000)]
+            socket.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+            assert "at most 16 subscriptions" in heard(socket, "status")["message"]
+        for ids in (range(16), range(16), range(20, 21)):
+            asked = [{"id": k, "channelId": channel["id"]} for k in ids]
+            socket.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+        assert "at most 16 subscriptions" in heard(socket, "status")["message"]
+        run.commit(1)
+        found = {struct.unpack_from("<I", heard_bytes(socket, 1), 1)[0] for _ in range(16)}
+        assert found == set(range(16))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        json.dumps({"op": "getParameters", "parameterNames": [], "id": "a"}),
+        json.dumps({"op": "setParameters", "parameters": [{"name": K, "value": 1.0}]}),
+        json.dumps({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 1}]}),
+        struct.pack("<BIII", 2, 0, 77, 4) + b"json{}",
+        b"",
+    ],
+)
+def test_before_the_run_has_begun_whatever_is_asked_is_answered(
+    tmp_path: Path, message: str | bytes
+) -> None:
+    door = Door("127.0.0.1", 0, None, "secret-token")
+    urls: queue.Queue[str] = queue.Queue()
+    early = Server(tmp_path, door, urls.put, patience_s=600.0, foxglove=True, starter=os.getppid())
+    thread = threading.Thread(target=lambda: suppressed(early))
+    thread.start()
+    try:
+        urls.get(timeout=60)
+        with client(early.door, "secret-token") as socket:
+            socket.send(message)
+            data = socket.recv(60)
+            said = data[17:].decode() if isinstance(data, bytes) else data
+            assert "the run has not begun" in said or "not a service call" in said
+            socket.send(json.dumps({"op": "getParameters"}))  # the socket is still there
+            assert "the run has not begun" in heard(socket, "status")["message"]
+    finally:
+        early._starter = -1  # as if the process that starts the run had ended
+        thread.join(60)
+    assert not thread.is_alive()
+
+
+def suppressed(early: Server) -> None:
+    with pytest.raises(RecordingError, match="no run in progress here"):
+        asyncio.run(early.serve())
 
 
 def test_a_parameter_is_set_and_a_forbidden_one_refused_with_its_range(

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import struct
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from tautwave.cli import main
 from tautwave.errors import ConfigError
+from tautwave.view import server
 from tautwave.view.guard import POLICY, Door, open_door, refused
-from tests.view.served import Run, ask, served
+from tests.view.served import Run, ask, elsewhere, knock, served
 
 UPGRADE = (
     "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
@@ -127,19 +130,75 @@ def test_every_row_comes_once_and_news_with_them(serving: tuple[Run, Door]) -> N
         assert rows == list(range(100))
 
 
-def test_a_message_that_is_too_long_and_one_viewer_too_many_are_refused(
-    serving: tuple[Run, Door],
-) -> None:
+def test_a_message_that_is_too_long_closes_its_socket(serving: tuple[Run, Door]) -> None:
     _, door = serving
     with page(door) as socket:
         socket.send("x" * 70_000)
         with pytest.raises(ConnectionClosed):
             heard(socket, "nothing")
+
+
+def test_a_page_without_a_place_may_stop_and_the_token_has_one(serving: tuple[Run, Door]) -> None:
+    run, door = serving
+    run.orders()
     with ExitStack() as crowd:
-        for _ in range(16):
+        for _ in range(server.MOST_VIEWERS):
             heard(crowd.enter_context(page(door)), "hello")
-        with pytest.raises(InvalidStatus, match="503"), page(door):
-            pass
+        late, own = (crowd.enter_context(page(door)) for _ in range(2))
+        for socket in (late, own):
+            assert "no rows come here until one is closed" in str(heard(socket, "note")["text"])
+        late.send(json.dumps({"op": "command", "line": "engage"}))
+        assert "without the token" in str(heard(late, "note")["text"])
+        late.send(json.dumps({"op": "command", "line": "stop"}))
+        own.send(json.dumps({"op": "hello", "token": "secret-token"}))
+        assert heard(own, "hello")["may"] is True  # in the place of the oldest without it
+        late.send(json.dumps({"op": "nonsense"}))
+        heard(late, "note")
+        assert run.orders() == [("stop", "", "page")]
+        crowd.pop_all().close()
+    with page(door) as socket:  # and places become free again
+        heard(socket, "hello")
+
+
+def test_a_page_gets_the_place_of_one_that_leaves(serving: tuple[Run, Door]) -> None:
+    _, door = serving
+    with ExitStack() as crowd:
+        first = crowd.enter_context(page(door))
+        for _ in range(server.MOST_VIEWERS - 1):
+            heard(crowd.enter_context(page(door)), "hello")
+        late = crowd.enter_context(page(door))
+        heard(late, "note")
+        first.close()
+        heard(late, "hello")
+
+
+def test_of_many_pages_without_a_place_the_oldest_make_way(
+    serving: tuple[Run, Door], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, door = serving
+    monkeypatch.setattr(server, "MOST_VIEWERS", 1)
+    monkeypatch.setattr(server, "MOST_STANDING", 1)
+    with page(door) as seated, page(door) as first, page(door) as second:
+        heard(seated, "hello")
+        heard(second, "note")
+        with pytest.raises(ConnectionClosed):
+            heard(first, "nothing")
+
+
+def test_who_never_shows_the_token_takes_nobodys_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "MOST_VIEWERS", 4)
+    closed, context = elsewhere(tmp_path / "keys")
+    (tmp_path / "run").mkdir()
+    with served(tmp_path / "run", door=closed) as (_, door), ExitStack() as crowd:
+        silent = [crowd.enter_context(knock(door, context)) for _ in range(8)]
+        operator = crowd.enter_context(knock(door, context))
+        operator.send(json.dumps({"op": "hello", "token": "secret-token"}))
+        assert heard(operator, "hello")["may"] is True
+        silent[-1].send(json.dumps({"op": "hello", "token": "guess"}))
+        with pytest.raises(ConnectionClosed, match="1008"):
+            heard(silent[-1], "nothing")
 
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "::"])
@@ -193,3 +252,31 @@ def test_no_run_and_a_taken_port_are_one_sentence(
     done = CliRunner().invoke(main, order)
     assert done.exit_code == 2
     assert "cannot be served: " in done.output
+
+
+BESIDE = """
+import sys, time
+from pathlib import Path
+from tautwave.cli.terminal.serve_page import page_beside
+with page_beside(Path(sys.argv[1]), True):
+    print("here", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.mark.slow
+def test_a_page_ends_with_a_run_that_is_killed_before_its_first_row(tmp_path: Path) -> None:
+    run = subprocess.Popen(
+        [sys.executable, "-c", BESIDE, str(tmp_path)], stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+    try:
+        assert run.stderr is not None
+        assert run.stdout is not None
+        assert b"page: http://127.0.0.1:" in run.stderr.readline()
+        run.stdout.readline()
+        (child,) = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+    finally:
+        run.kill()
+        run.communicate()  # until the page has closed its standard error, which is the run's
+    assert not Path(f"/proc/{child}/exe").exists()

@@ -29,6 +29,8 @@ SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 SOURCE = "foxglove"
 CHANNEL = 1
 ERROR = 2
+MOST_SUBSCRIPTIONS = 16
+"""Of one socket, all to the one channel: each brings every row again."""
 MESSAGE = struct.Struct("<BIQ")  # opcode 1, subscription, time [ns]
 CALL = struct.Struct("<BIII")  # opcode 2 (3 for the response), service, call, length of encoding
 ENCODING = b"json"
@@ -108,6 +110,10 @@ class FoxgloveViewer(Viewer):
             return
         super().tell(op, **fields)
 
+    def tell_refused(self, text: str) -> None:
+        """Say why something is not done."""
+        self.tell("status", level=ERROR, message=text)
+
     def tell_parameters(self, names: Sequence[str] = (), number: object = None) -> None:
         """Send the values of parameters as they are; all without names."""
         run, knobs = self.hub.run, self._knobs()
@@ -129,12 +135,13 @@ class FoxgloveViewer(Viewer):
         if isinstance(message, bytes):
             await self._call(message)
             return
+        if self.hub.run is None:
+            self.tell_refused("the run has not begun")
+            return
         fields = fields_of(message)
         match fields.get("op"):
             case "subscribe":
-                for one in _objects(fields.get("subscriptions")):
-                    if one.get("channelId") == CHANNEL and _is_number(one.get("id")):
-                        self._subscriptions.add(one["id"])
+                self._subscribe(_objects(fields.get("subscriptions")))
             case "unsubscribe":
                 wanted = fields.get("subscriptionIds")
                 self._subscriptions -= set(filter(_is_number, _list(wanted)))
@@ -147,7 +154,18 @@ class FoxgloveViewer(Viewer):
             case "unsubscribeParameterUpdates":
                 self._watches = False
             case _:
-                self.tell("status", level=ERROR, message="there is no such request")
+                self.tell_refused("there is no such request")
+
+    def _subscribe(self, asked: Sequence[Mapping[str, Any]]) -> None:
+        wanted = {
+            one["id"]
+            for one in asked
+            if one.get("channelId") == CHANNEL and _is_number(one.get("id"))
+        }
+        if len(self._subscriptions | wanted) > MOST_SUBSCRIPTIONS:
+            self.tell_refused(f"at most {MOST_SUBSCRIPTIONS} subscriptions: there is one channel")
+            return
+        self._subscriptions |= wanted
 
     def tuned(self) -> None:
         """Send it all parameters, if it watches them."""
@@ -159,13 +177,13 @@ class FoxgloveViewer(Viewer):
         try:
             await self.hub.change(self.may, values)
         except TautwaveError as error:
-            self.tell("status", level=ERROR, message=str(error))
+            self.tell_refused(str(error))
         self.tell_parameters(list(values), number)
 
     async def _call(self, message: bytes) -> None:
         """Call a service: a command, and what the run's journal says of it."""
         if len(message) < CALL.size or message[0] != 2:
-            self.tell("status", level=ERROR, message="not a service call")
+            self.tell_refused("not a service call")
             return
         _, service, call, length = CALL.unpack_from(message)
         words = self._words()

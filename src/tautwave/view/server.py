@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import socket
 from collections.abc import Callable, Collection, Mapping, Sequence
 from http import HTTPStatus
 from importlib.resources import files
@@ -32,6 +34,18 @@ LOOK_S = 1.0 / 30.0
 
 WAIT_S, KNOCK_S = 0.2, 5.0
 MOST_VIEWERS = 16
+"""That get rows; one with the token takes the place of one without."""
+BACKLOG = 1024
+"""Connections that the kernel keeps until they are taken; it may allow fewer."""
+AT_A_TURN = 8
+MOST_STANDING = 64
+"""Sockets without a place: of more, the oldest is closed."""
+MOST_BEHIND = 4 << 20
+"""[bytes] Of answers that a viewer has not taken; one that asks for more is closed."""
+NO_PLACE = (
+    f"{MOST_VIEWERS} pages are open already: no rows come here until one is closed; "
+    "stop works, and so does the address with the token"
+)
 LARGEST = 1 << 16
 """[bytes] Of a message from a viewer."""
 
@@ -81,6 +95,9 @@ class Server:
         Serve Foxglove's protocol too.
     origins : collection of str
         Of pages elsewhere that may use it.
+    starter : int or None
+        The process that runs or will run it; once it is no longer this one's parent, a run that
+        has not begun is no longer waited for.
     """
 
     def __init__(
@@ -92,16 +109,19 @@ class Server:
         patience_s: float = 0.0,
         foxglove: bool = False,
         origins: Collection[str] = (),
+        starter: int | None = None,
     ) -> None:
         self.directory = directory
         self.door = door
-        self.viewers: set[Viewer] = set()
+        self.viewers: dict[Viewer, None] = {}  # the oldest first, as those that stand
+        self._standing: dict[Viewer, None] = {}
         self.run: Watched | None = None
         self.rig: Rig | None = None
         self._announce = announce
         self._patience_s = patience_s
         self._files = page_files()
         self._origins = origins
+        self._starter = starter
         self._sockets = {PAGE_SOCKET, *([FOXGLOVE_SOCKET] if foxglove else [])}
         self.news: list[Any] = []
         self.newest: Sequence[float] = ()
@@ -119,24 +139,30 @@ class Server:
         """
         if not self._patience_s:
             self._open()
+        secured: dict[str, Any] = {"ssl_handshake_timeout": KNOCK_S} if self.door.tls else {}
+        address, port = self.door.address, self.door.port
+        family = socket.AF_INET6 if ":" in address else socket.AF_INET
         try:
+            listener = socket.create_server((address, port), family=family)
             server = await serve(
                 self._meet,
-                self.door.address,
-                self.door.port,
+                sock=listener,
                 ssl=self.door.tls,
                 process_request=self._answer,
                 select_subprotocol=_subprotocol,
                 compression=None,  # rows hardly compress, and it costs time
                 max_size=LARGEST,
                 server_header=None,
+                open_timeout=KNOCK_S,
+                backlog=AT_A_TURN,  # asyncio takes as many before it attends to those it has
+                **secured,
             )
         except OSError as error:
-            where = f"{self.door.address}:{self.door.port}"
             reason = error.strerror or error
-            raise ConfigError(f"--port: {where} cannot be served: {reason}") from error
+            raise ConfigError(f"--port: {address}:{port} cannot be served: {reason}") from error
         async with server:
-            self.door = self.door._replace(port=next(iter(server.sockets)).getsockname()[1])
+            listener.listen(BACKLOG)
+            self.door = self.door._replace(port=listener.getsockname()[1])
             self._announce(self.door.url)
             await self._begin()
             await self._watch()
@@ -155,7 +181,7 @@ class Server:
             try:
                 self._open()
             except (RecordingError, OSError):
-                if waited > self._patience_s:
+                if waited > self._patience_s or self._starter not in (None, os.getppid()):
                     raise
                 waited += WAIT_S
                 await asyncio.sleep(WAIT_S)
@@ -195,10 +221,7 @@ class Server:
         if why:
             return _response(HTTPStatus.FORBIDDEN, Page(f"{why}\n".encode(), "text/plain"))
         if path in self._sockets:
-            if len(self.viewers) < MOST_VIEWERS:
-                return None
-            text = f"at most {MOST_VIEWERS} viewers\n".encode()
-            return _response(HTTPStatus.SERVICE_UNAVAILABLE, Page(text, "text/plain"))
+            return None
         page = self._files.get(path)
         if getattr(request, "method", "GET") != "GET":  # older versions know no other
             return _response(HTTPStatus.METHOD_NOT_ALLOWED, Page(b"only GET\n", "text/plain"))
@@ -214,23 +237,64 @@ class Server:
         path = "" if socket.request is None else socket.request.path.partition("?")[0]
         kind = FoxgloveViewer if path == FOXGLOVE_SOCKET else Viewer
         viewer = kind(socket, self)
-        self.viewers.add(viewer)
         try:
-            if not self.door.local and not viewer.may:
-                # A viewer elsewhere authenticates before it sees anything.
-                async with asyncio.timeout(KNOCK_S):
-                    viewer.introduce(await socket.recv())
-                if not viewer.may:
-                    await socket.close(1008, "token")
-                    return
-            if self.run is not None:
-                viewer.greet()
+            if not self._seat(viewer):
+                await self._stand(viewer)
             async for message in socket:
-                await viewer.hear(message)
+                await self._hear(viewer, message)
         except (ConnectionClosed, TimeoutError):
             pass
         finally:
-            self.viewers.discard(viewer)
+            self.viewers.pop(viewer, None)
+            self._standing.pop(viewer, None)
+            if self._standing:
+                self._seat(next(iter(self._standing)))
+
+    async def _stand(self, viewer: Viewer) -> None:
+        """Hear one without a place until it has one; from elsewhere it has one try, with the token.
+
+        On this machine it may stop the run meanwhile, and for as long as it is there.
+        """
+        self._standing[viewer] = None
+        if len(self._standing) > MOST_STANDING:
+            oldest = next(iter(self._standing))
+            del self._standing[oldest]
+            oldest.socket.transport.abort()
+        if self.door.local:
+            viewer.tell_refused(NO_PLACE)
+            async for message in viewer.socket:
+                await self._hear(viewer, message)
+                if self._seat(viewer):
+                    return
+            return
+        async with asyncio.timeout(KNOCK_S):
+            viewer.introduce(await viewer.socket.recv())
+        if not self._seat(viewer):
+            await viewer.socket.close(1008, "no place" if viewer.may else "token")
+
+    def _seat(self, viewer: Viewer) -> bool:
+        """Let a viewer have rows, if it may and there is a place; return whether it has."""
+        if viewer in self.viewers:
+            return True
+        if not (self.door.local or viewer.may):
+            return False
+        if len(self.viewers) >= MOST_VIEWERS:
+            without = next((one for one in self.viewers if not one.may), None)
+            if without is None or not viewer.may:
+                return False
+            del self.viewers[without]
+            without.socket.transport.abort()  # its page comes again, and finds no place
+        self._standing.pop(viewer, None)
+        self.viewers[viewer] = None
+        if self.run is not None:
+            viewer.greet()
+        return True
+
+    async def _hear(self, viewer: Viewer, message: str | bytes) -> None:
+        if viewer.socket.transport.get_write_buffer_size() > MOST_BEHIND:
+            await viewer.socket.close(1008, "answers are not read")
+            return
+        await viewer.hear(message)
 
     # -- what viewers ask for -----------------------------------------------------------------
 
@@ -299,9 +363,16 @@ def serve_run(
     patience_s: float = 0.0,
     foxglove: bool = False,
     origins: Collection[str] = (),
+    starter: int | None = None,
 ) -> None:
     """Serve a run's viewers until it has ended; as `Server`."""
     server = Server(
-        directory, door, announce, patience_s=patience_s, foxglove=foxglove, origins=origins
+        directory,
+        door,
+        announce,
+        patience_s=patience_s,
+        foxglove=foxglove,
+        origins=origins,
+        starter=starter,
     )
     asyncio.run(server.serve())

@@ -76,6 +76,10 @@ class Viewer:
         """Send an object."""
         self.send(json.dumps({"op": op, **fields}))
 
+    def tell_refused(self, text: str) -> None:
+        """Say why something is not done."""
+        self.tell("note", kind="refused", text=text)
+
     def send(self, message: str | bytes) -> None:
         """Send without waiting; who has gone gets nothing."""
         broadcast([self.socket], message)
@@ -105,9 +109,9 @@ class Viewer:
                     text = await self.hub.change(self.may, fields.get("values"))
                     self.tell("tuned", text=f"certified: {text}")
                 case _:
-                    self.tell("note", kind="refused", text="there is no such request")
+                    self.tell_refused("there is no such request")
         except TautwaveError as error:
-            self.tell("note", kind="refused", text=str(error))
+            self.tell_refused(str(error))
 
 
 def fields_of(message: str | bytes) -> Mapping[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tempfile
@@ -11,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import click
+from websockets.exceptions import WebSocketException
 
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.bench.sites.order import free_port
@@ -23,6 +25,7 @@ from tautwave.sites.control import client_context, dial
 from tautwave.sites.desk import Order
 from tautwave.sites.path import PURPOSE
 from tests.lab.strangers.crowd import HOST, KINDS
+from tests.view.served import elsewhere, knock, served
 
 COUNTS = (1, 10, 100)
 SOURCES = ("others", "own")
@@ -78,7 +81,26 @@ def serving_link(keys: Path) -> Iterator[tuple[int, Dial]]:
         server.wait()
 
 
-SERVING = {"site": (serving_site, 0.0), "link": (serving_link, 3.5)}
+@contextmanager
+def serving_page(keys: Path) -> Iterator[tuple[int, Dial]]:
+    """Serve the page of a run by TLS; who shows the token is in."""
+    with tempfile.TemporaryDirectory() as text:
+        (Path(text) / "run").mkdir()
+        closed, context = elsewhere(Path(text) / "keys")
+        with served(Path(text) / "run", door=closed) as (_, door):
+
+            def once() -> None:
+                try:
+                    with knock(door, context, open_timeout=WITHIN_S) as socket:
+                        socket.send(json.dumps({"op": "hello", "token": door.token}))
+                        socket.recv(WITHIN_S)
+                except (OSError, TimeoutError, WebSocketException) as err:
+                    raise LinkError(str(err)) from err
+
+            yield door.port, once
+
+
+SERVING = {"site": (serving_site, 0.0), "link": (serving_link, 3.5), "page": (serving_page, 0.0)}
 """What serves, and how long it is busy with one that got in and left [s]."""
 
 

@@ -28,10 +28,12 @@ def serve_page(
     key: Path | None,
     wait_s: float,
     foxglove: Sequence[str] | None = None,
+    starter: int | None = None,
 ) -> None:
     """Serve a run's page until the run or the user ends it.
 
-    With `foxglove`, the origins that may use it, Foxglove's protocol is served too.
+    With `foxglove`, the origins that may use it, Foxglove's protocol is served too; with `starter`,
+    the run's process, a run that has not begun ends with it.
 
     Raises
     ------
@@ -58,6 +60,7 @@ def serve_page(
         patience_s=wait_s,
         foxglove=foxglove is not None,
         origins=foxglove or (),
+        starter=starter,
     )
     click.echo(f"{directory}: the run has ended; `tautwave report {directory}` writes its report")
 
@@ -81,10 +84,8 @@ def page_beside(directory: Path, wanted: bool) -> Iterator[None]:
         yield
         return
     require_view()
-    order = ["view", str(directory), "--page", "--wait", str(WAIT_S)]
-    code = "from tautwave.cli import main; main()"
     child = subprocess.Popen(
-        [sys.executable, "-c", code, *order],
+        [sys.executable, "-m", __name__, str(directory), str(os.getpid())],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         start_new_session=True,  # Ctrl-C is for the loop
@@ -100,3 +101,22 @@ def page_beside(directory: Path, wanted: bool) -> Iterator[None]:
         if child.poll() is None:
             child.terminate()
             child.wait()
+
+
+def main() -> int:
+    """Serve the page of the run in argv[1], which the process argv[2] has started."""
+    from tautwave.errors import TautwaveError
+
+    directory, starter = Path(sys.argv[1]), int(sys.argv[2])
+    try:
+        serve_page(directory, "127.0.0.1", 0, None, None, WAIT_S, starter=starter)
+    except TautwaveError as error:
+        click.echo(f"page: {error}", err=True)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return 0
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
