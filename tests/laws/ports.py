@@ -15,7 +15,7 @@ import numpy as np
 from tautwave.laws import limit, observer, ramp
 from tautwave.laws import port as port_law
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
-from tautwave.laws.port import PortParams, port_params, port_reserve
+from tautwave.laws.port import PortParams, port_params, port_reserve, recovery_params
 from tautwave.laws.wave_filter import filter_gain
 
 PERIOD = 0.5e-3
@@ -41,8 +41,12 @@ def ends(
     leak: float = 0.0,
     mass: float = MASS,
     matched: bool = False,
+    friction: float = 0.0,
 ) -> Ends:
-    """Return a port at 2 kHz; `pole` None: without an observer; `leak` in W."""
+    """Return a port at 2 kHz; `pole` None: without an observer; `leak` in W.
+
+    `friction` [N m]: the most by which it recovers.
+    """
     seen = plain_observer(PERIOD, mass) if pole is None else observer_params(PERIOD, mass, pole)
     reserve = port_reserve(impedance, PERIOD, delay, seen.velocity * PERIOD, fastest)
     port = port_params(
@@ -55,6 +59,11 @@ def ends(
         reserve=reserve,
         leak=leak * PERIOD,
     )
+    if friction > 0.0:
+        found = recovery_params(
+            PERIOD, mass, delay=delay, friction=friction, noise=0.0, gap=1e-4, reserve=reserve
+        )
+        port = port._replace(recovery=found)
     return Ends(port, seen, delay)
 
 
@@ -69,6 +78,7 @@ def compiled() -> Any:
         *(observer.observer_gains, observer.observe),
         *(port_law.repayment, port_law.port_brake, ramp.ramp_bound, ramp.ramped_effort),
         *(port_law.port_effort, port_law.port_bounded, port_law.port_close, port_law.port_repeat),
+        port_law.recovery_friction,
         *(_move, _quantised),
     ):
         register_jitable(function)
@@ -102,11 +112,12 @@ class Attack(NamedTuple):
     stops: bool
 
 
-def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
+def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool, int]:
     """One end against an adversary or on a device; a port below the floor stops and brakes.
 
-    Returns the most that it gave out in any window as its encoder sees it, blows apart [J], and
-    whether it stopped. Efforts: columns port, total; what is on its way still acts.
+    Returns the most that it gave out in any window as its encoder sees it, blows apart [J], whether
+    it stopped, and in how many slots friction helped it. Efforts: columns port, total; what is on
+    its way still acts.
     """
     period = port.period
     account, gap, filtered = port.reserve, 0.0, 0.0
@@ -115,7 +126,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
     arrived, cuts = np.zeros(n + 1), np.zeros(n + 1)
     ring = np.zeros(a.line + 1)
     count = port_sum = total_sum = wave_sum = wave_energy = was_cut = 0.0
-    stopped = False
+    stopped, helped, smooth = False, 0, 0.0
     for k in range(len(a.moves)):
         effort, total, wave = efforts[0], totals[0], arrived[0]
         if a.mass > 0.0:
@@ -148,6 +159,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
             ahead, velocity, outside = observer.observe(
                 seen, at, velocity, outside, now, known_sum / count, count
             )
+            smooth += port.recovery.smoothing * (velocity - smooth)
             shift = 0.0
             if stopped:
                 shift = slipped
@@ -183,6 +195,11 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
             if seen.pole < 0.0:
                 pending += 0.5 * wall
             effort = port_law.port_effort(port, account, velocity, outside, pending, came)
+            if gap != 0.0:
+                coast = velocity + port.ahead * outside - 2.0 * port.half_mobility * pending
+                rubs = port_law.recovery_friction(port, account, gap, smooth, coast, effort)
+                effort += rubs
+                helped += rubs != 0.0
             if account > 0.0 and a.quantum > 0.0:
                 effort += limit.clamp(wanted - efforts[n], a.quantum)
             wanted = effort
@@ -204,7 +221,7 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool]:
             arrived[i], cuts[i] = arrived[i + 1], cuts[i + 1]
         efforts[n], totals[n], arrived[n] = share, sent, came
         cuts[n] = 1.0 if abs(sent - asked) > 1.001 * a.quantum else 0.0
-    return worst, stopped
+    return worst, stopped, helped
 
 
 def _quantised(value: float, step: float) -> float:

@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 
 from tautwave.analysis.wave_port.sensor_noise import noise_power
 from tautwave.laws.observer import observe
-from tautwave.laws.port import plain_drain, port_close, port_effort, port_rescale
+from tautwave.laws.port import (
+    NO_RECOVERY,
+    plain_drain,
+    port_close,
+    port_effort,
+    port_rescale,
+    recovery_friction,
+)
 from tautwave.laws.ramp import ramp_params
 from tests.laws.ports import MASS, PERIOD, Attack, Ends, compiled, ends
 
@@ -79,8 +86,8 @@ def draw(
     return given._replace(**other)
 
 
-def attacks(end: Ends, trials: int, seed: int, **given: Any) -> tuple[float, int]:
-    """Return the greatest share of the claim that was drawn, and how many were stopped."""
+def attacks(end: Ends, trials: int, seed: int, **given: Any) -> tuple[float, int, int]:
+    """Return the greatest share of the claim that was drawn; how many stopped, or had friction."""
     rng = np.random.default_rng(seed)
     greatest, stopped = 0.0, 0
     noisy, walled = given.pop("noise", 0.0), given.pop("walls", 0.0)
@@ -88,6 +95,7 @@ def attacks(end: Ends, trials: int, seed: int, **given: Any) -> tuple[float, int
     most, step = given.get("most", LIMIT), given.get("step", NEVER)
     allowed = claim(end, most, hidden=hidden, step=step, walls=walled)
     known = end.port._replace(ramp=ramp_params(PERIOD, MASS, step / PERIOD))
+    rubbed = 0
     for trial in range(trials):
         one = draw(rng, **given)
         if noisy > 0.0:
@@ -96,23 +104,27 @@ def attacks(end: Ends, trials: int, seed: int, **given: Any) -> tuple[float, int
             one = one._replace(walls=pattern(rng, walled))
         # The claim asks nothing of the bound on efforts that fall slowly: half go without it.
         port = known if trial % 2 else end.port
-        worst, stop = compiled().attack(port, end.observer, end.delay, one)
+        if trial % 3 == 0:  # nor of the friction by which a tank recovers
+            port = port._replace(recovery=NO_RECOVERY)
+        worst, stop, helped = compiled().attack(port, end.observer, end.delay, one)
+        rubbed += helped > 0
         greatest = max(greatest, worst / allowed)
         stopped += stop
-    return greatest, stopped
+    return greatest, stopped, rubbed
 
 
 @pytest.mark.sparse(3)
 @pytest.mark.parametrize("delay", [0, 1, 2])
 @pytest.mark.parametrize("pole", [0.5, 0.3, None])
 def test_no_adversary_draws_more_than_the_claim(pole: float | None, delay: int) -> None:
-    end = ends(pole=pole, delay=delay)
-    greatest, stopped = attacks(end, 200, seed=delay)
+    end = ends(pole=pole, delay=delay, friction=LIMIT)
+    greatest, stopped, rubbed = attacks(end, 200, seed=delay)
     assert greatest <= 1.0 + 1e-9
     assert stopped > 20  # they do reach the floor
-    weak, _ = attacks(end, 300, seed=delay, most=0.1)
+    assert rubbed > 20  # and friction is at work, up to all of the motor's effort
+    weak, *_ = attacks(end, 300, seed=delay, most=0.1)
     assert 0.9 < weak <= 1.0 + 1e-9  # and the claim is not empty
-    without, _ = attacks(end, 60, seed=delay, stops=False)
+    without, *_ = attacks(end, 60, seed=delay, stops=False)
     assert without > 2.0  # nor is the stop
 
 
@@ -132,7 +144,9 @@ KINDS: dict[str, dict[str, Any]] = {
 def test_the_claim_holds_to_the_last_command_of_a_stop(kind: str) -> None:
     """Whatever the damping of the stop, and however noisy the velocity that it brakes by."""
     for delay, matched in ((0, False), (1, True), (2, False)):
-        greatest, stopped = attacks(ends(delay=delay, matched=matched), 120, 1, **KINDS[kind])
+        greatest, stopped, _ = attacks(
+            ends(delay=delay, matched=matched, friction=LIMIT), 120, 1, **KINDS[kind]
+        )
         assert greatest <= 1.0 + 1e-9
         assert stopped > 0
 
@@ -142,7 +156,7 @@ def test_the_claim_holds_to_the_last_command_of_a_stop(kind: str) -> None:
 def test_no_adversary_of_ten_thousand_draws_more_than_the_claim(delay: int) -> None:
     for seed, pole in enumerate((0.5, 0.3, None)):
         for matched in (False, True):
-            end = ends(pole=pole, delay=delay, matched=matched)
+            end = ends(pole=pole, delay=delay, matched=matched, friction=LIMIT)
             if not matched:
                 assert attacks(end, 1200, 10 + seed, most=0.3)[0] > 0.95
             for kind in KINDS.values():
@@ -241,6 +255,47 @@ def test_an_effort_is_never_planned_to_give_what_is_not_there() -> None:
     broke = port_effort(port, -1.0, 0.0, 0.0, 0.0, -2.0)
     assert broke == 0.0 != pulls
     assert port_effort(port, -1.0, -3.0, 0.0, 0.0, 0.0) == whole
+
+
+@given(
+    *(NUMBERS, NUMBERS, NUMBERS, NUMBERS),
+    st.floats(-0.02, 0.02),
+    st.floats(0.01, 2.0),
+    st.booleans(),
+)
+def test_the_friction_of_an_emptied_tank_only_takes(
+    smooth: float,
+    coast: float,
+    effort: float,
+    gap: float,
+    account: float,
+    most: float,
+    matched: bool,
+) -> None:
+    """Of the motion that is predicted and was, no more than stated; and never less for the tank."""
+    port = ends(matched=matched, friction=most).port
+    rubs = recovery_friction(port, account, 1e-4 * gap, smooth, coast, effort)
+    assert abs(rubs) <= most
+    ahead = coast - port.half_mobility * effort
+    assert rubs * ahead >= 0.0
+    assert rubs * smooth >= 0.0
+    if account >= 0.75 * port.reserve or gap == 0.0:
+        assert rubs == 0.0
+
+    def income(acts: float) -> float:
+        return acts * (ahead - port.slip * acts)
+
+    assert income(effort + rubs) >= income(effort) - 1e-9
+
+
+def test_the_friction_is_whole_where_a_tank_is_empty_and_much_is_owed() -> None:
+    end = ends(friction=0.05)
+    assert recovery_friction(end.port, 0.0, 1e-3, 5.0, 5.0, 0.0) == 0.05
+    assert recovery_friction(end.port, 0.0, 0.5e-4, -5.0, -5.0, 0.0) == pytest.approx(-0.025)
+    full = end.port.reserve
+    assert recovery_friction(end.port, 0.625 * full, 1e-3, 5.0, 5.0, 0.0) == pytest.approx(0.025)
+    assert recovery_friction(end.port, 0.0, 1e-3, -5.0, 5.0, 0.0) == 0.0  # about to turn
+    assert recovery_friction(end.port, 0.0, 1e-3, 0.01, 0.01, 0.0) < 0.05
 
 
 def hold(end: Ends, seconds: float, colour: tuple[float, ...] = (1.0,), **other: float) -> Any:

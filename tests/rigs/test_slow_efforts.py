@@ -11,11 +11,12 @@ import pytest
 from tautwave import check, load_rig, simulate
 from tautwave.analysis.claim import Claim
 from tautwave.config import Rig
+from tautwave.couplings.wave import from_keys
 from tautwave.couplings.wave.claim import claim_of, claimed_joules
 from tautwave.couplings.wave.messages import ramp_hints
 from tautwave.couplings.wave.port import think
 from tautwave.laws import port
-from tautwave.laws.port import port_effort
+from tautwave.laws.port import NO_RECOVERY, port_effort
 from tautwave.laws.ramp import NO_RAMP, ramp_bound
 from tautwave.rig import command_delays
 from tautwave.rig.controller import end_constants, site_params
@@ -81,8 +82,9 @@ def test_a_certified_lever_with_slow_efforts_settles(name: str) -> None:
 
 @pytest.mark.parametrize("name", LEVERS)
 def test_without_the_bound_it_is_stopped(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The swing empties the tank: overdrawn, or a lost coupling."""
+    """The swing empties the tank, unless friction fills it: overdrawn, or a lost coupling."""
     monkeypatch.setattr(port, "ramp_params", lambda *_: NO_RAMP)
+    monkeypatch.setattr(from_keys, "recovery_params", lambda *_, **__: NO_RECOVERY)
     rig = slow(*LEVERS[name])
     found = simulate(rig)
     assert found.error is not None
@@ -176,7 +178,7 @@ def test_a_port_is_bounded_by_where_its_device_is_when_the_effort_acts() -> None
     )
     k = end_constants(rig, "slave.lever", command_delays(rig)["slave.lever"])
     e = SimpleNamespace(
-        account=1e-4, velocity=3.0, push=40.0, under_way=1.5e-3, wave_in=-6.0, wanted=0.0
+        account=1e-4, velocity=3.0, push=40.0, under_way=1.5e-3, wave_in=-6.0, wanted=0.0, gap=0.0
     )
     found = think(SimpleNamespace(end=e, port_effort=0.0), SimpleNamespace(end=k), 0.0)  # type: ignore[arg-type]
     asked = port_effort(k.port, 1e-4, 3.0, 40.0, 1.5e-3, -6.0)

@@ -34,6 +34,18 @@ into lost waves. Repaying only out of what stands above half the reserve: else a
 recovers. An effort that limits cut pays for its own period: the wave may carry what came in. None
 is built up that the tank could not pay for until `effort_rate_limit` is done with it (`laws.ramp`).
 
+An emptied tank recovers by a friction: while an end owes and its tank is low, it resists the motion
+of its own device (`recovery_friction`) as a device with more Coulomb friction would. A wave port is
+lossless, so whoever moves the device pays, behind any delay, network or scale, and what is paid is
+in the tank of the end that owes: nothing is sent for it. The bound above does not change, since its
+sum holds for any effort F, and W counts the whole F_max whoever asks for it; so for any two times
+between which an end runs, too. The friction is planned to take only: it acts while the smoothed and
+the predicted velocity have the same sign, and where a prediction errs the tank pays as for any
+effort. While nothing moves, nothing is paid: a hand at rest leaves the leak alone to recover.
+
+The cap of the tank may not be raised meanwhile by what is owed. The whole run would keep its bound,
+but in a part of it an end could give out what it had taken before.
+
 Sources: Niemeyer & Slotine 1991 (waves), Chopra & Spong, Franchi and others 2011 (tanks); the
 law and its bound are derived here.
 """
@@ -46,8 +58,37 @@ from typing import NamedTuple
 from tautwave.laws.limit import clamp
 from tautwave.laws.ramp import RampParams, ramp_params, ramped_effort
 
+RECOVERY_S = 0.01
+"""Time over which the velocity is smoothed that friction resists, and its least time constant [s]:
+noise beyond what is declared has to be found before a tank that it empties is filled by motion."""
+
+RECOVERY_PERIODS = 4.0
+"""The same in periods until a command acts: a friction that lags would push."""
+
+RECOVERY_SLOPE = 3.0
+"""Of m over that time: the damping by which friction begins. A damper behind such a lag lets a free
+device swing; one that only takes does not."""
+
 REPAID_SHARE = 0.1
 """Of what stands above half the reserve, the share that a period may spend on repaying."""
+
+
+class RecoveryParams(NamedTuple):
+    """Constants of the friction by which an emptied tank recovers, in the device's own units.
+
+    friction [N m or N] at most, 0 for none; slope [N m s/rad or N s/m] below that; smoothing of the
+    velocity [1]; share of it per gap [1/(W**0.5 s)]; need of it per energy below three quarters of
+    the reserve [1/J].
+    """
+
+    friction: float
+    slope: float
+    smoothing: float
+    share: float
+    need: float
+
+
+NO_RECOVERY = RecoveryParams(0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 class PortParams(NamedTuple):
@@ -61,7 +102,7 @@ class PortParams(NamedTuple):
     filter_gain: step of the wave filter, 1 without; kept [J/W]: what the filter still has to send
     per squared wave; repay: share of the unsent wave integral that is sent per period; reserve E0
     [J]; leak [J per period]; half_period [s] and ahead = lead T [s], as they are used; ramp: how
-    fast an effort can be taken away.
+    fast an effort can be taken away; recovery: the friction while it owes and its tank is low.
     """
 
     period: float
@@ -82,6 +123,7 @@ class PortParams(NamedTuple):
     half_period: float
     ahead: float
     ramp: RampParams
+    recovery: RecoveryParams = NO_RECOVERY
 
 
 def port_params(
@@ -159,6 +201,40 @@ def port_reserve(
     return impedance * period * (1.0 / velocity_gain + delay) * velocity_limit * velocity_limit
 
 
+def recovery_params(
+    period: float,
+    mass: float,
+    *,
+    delay: float,
+    friction: float,
+    noise: float,
+    gap: float,
+    reserve: float,
+) -> RecoveryParams:
+    """Return the constants of the friction by which an emptied tank recovers.
+
+    Parameters
+    ----------
+    period, mass : float
+        Period T [s] and lower bound of the inertia [kg m**2 or kg].
+    delay : float
+        Command delay n in periods, with its fraction.
+    friction : float
+        The most that it may be [N m or N].
+    noise : float
+        What a sample may be off [rad or m]: on that, friction is not in full.
+    gap : float
+        Wave integral from which on it is in full [W**0.5 s].
+    reserve : float
+        E0 [J].
+    """
+    time = max(RECOVERY_S, RECOVERY_PERIODS * (1.0 + delay) * period)
+    slope = RECOVERY_SLOPE * mass / time
+    if noise > 0.0:
+        slope = min(slope, 0.5 * friction * time / noise)
+    return RecoveryParams(friction, slope, period / (period + time), 1.0 / gap, 4.0 / reserve)
+
+
 def plain_drain(p: PortParams) -> float:
     """Return the share of the work passing through it that a port without an observer pays for [1].
 
@@ -229,6 +305,52 @@ def port_bounded(
         coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
         return ramped_effort(p.ramp, account, coast, effort)
     return effort
+
+
+def recovery_friction(
+    p: PortParams,
+    account: float,
+    gap: float,
+    smooth: float,
+    coast: float,
+    effort: float,
+) -> float:
+    """Return the friction that an end adds while it owes and its tank is low [N m or N].
+
+    In full with a quarter of the reserve less than what a full tank begins to repay from, and gone
+    at three quarters: repayment needs half. A matched end takes no more power than it can: the
+    effort also moves its series damper, so beyond b v / 2 the tank gets less and less.
+
+    Parameters
+    ----------
+    p : PortParams
+        Constants.
+    account, gap : float
+        Energy in the tank [J] and wave integral not sent yet [W**0.5 s].
+    smooth : float
+        Smoothed velocity [rad/s or m/s].
+    coast : float
+        Mean velocity with which the device would move in the period without port [rad/s or m/s].
+    effort : float
+        `port_effort` [N m or N].
+    """
+    k = p.recovery
+    need = 3.0 - k.need * account
+    ahead = coast - p.half_mobility * effort
+    if need <= 0.0 or not smooth * ahead > 0.0:
+        return 0.0
+    share = k.share * math.fabs(gap)
+    if share > 1.0:
+        share = 1.0
+    if need < 1.0:
+        share = share * need
+    friction = share * clamp(k.slope * smooth, k.friction)
+    if p.slip != 0.0:
+        room = 0.5 * ahead / p.slip - effort
+        if room * ahead <= 0.0:
+            return 0.0
+        friction = clamp(friction, math.fabs(room))
+    return friction
 
 
 def port_brake(p: PortParams, account: float, effort: float) -> float:

@@ -13,7 +13,7 @@ from tautwave.couplings.wave.port import WHITE
 from tautwave.couplings.wave.records import WaveEndParams
 from tautwave.errors import ConfigError
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
-from tautwave.laws.port import PortParams, port_params, port_reserve
+from tautwave.laws.port import PortParams, port_params, port_reserve, recovery_params
 from tautwave.laws.servo.admittance import admittance_params, effort_leak, rigid_port
 from tautwave.laws.servo.follower import lag_damping
 
@@ -31,6 +31,15 @@ NOISIER = 1.15
 
 PATIENCE_S = 10.0
 """For so long a port may owe more than a period's way at the velocity limit [s]."""
+
+FRICTIONS = 2.0
+"""Times its Coulomb friction that an axis resists with at most while its emptied tank recovers."""
+
+FRICTION_SHARE = 0.01
+"""Of its effort limit, what it resists with where that is more."""
+
+RECOVERED = 0.2
+"""Of the gap that is astray, what is owed where that friction is in full."""
 
 
 def port_impedance(pair: WavePair, side: str) -> float:
@@ -158,6 +167,17 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
             leak=leak,
             effort_rate=axis.effort_rate,
         )
+        port = port._replace(
+            recovery=recovery_params(
+                axis.period,
+                axis.inertia,
+                delay=delay,
+                friction=recovery_limit(axis),
+                noise=axis.position_noise + axis.encoder_quantum,
+                gap=RECOVERED * port.root * axis.velocity_limit * axis.period,
+                reserve=reserve,
+            )
+        )
     return WaveEndParams(
         port=port,
         observer=observer,
@@ -181,6 +201,13 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         coarse=math.inf if axis.inertia is None else coarsest_step(pair, side, axis),
         noisy=math.inf if axis.inertia is None else _noisy(pair, side, axis),
     )
+
+
+def recovery_limit(axis: CoupledAxis) -> float:
+    """Return the greatest friction by which an emptied tank recovers [N m or N]."""
+    if math.isinf(axis.effort_limit):
+        return FRICTIONS * axis.coulomb
+    return min(axis.effort_limit, max(FRICTIONS * axis.coulomb, FRICTION_SHARE * axis.effort_limit))
 
 
 def coarsest_step(pair: WavePair, side: str, axis: CoupledAxis) -> float:

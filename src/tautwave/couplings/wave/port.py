@@ -10,7 +10,14 @@ from tautwave.controller.steps import OWN_GUARDS
 from tautwave.couplings.wave.records import WaveEnd, WaveEndParams
 from tautwave.laws.limit import clamp
 from tautwave.laws.observer import observe
-from tautwave.laws.port import port_bounded, port_brake, port_close, port_effort, port_repeat
+from tautwave.laws.port import (
+    port_bounded,
+    port_brake,
+    port_close,
+    port_effort,
+    port_repeat,
+    recovery_friction,
+)
 from tautwave.laws.servo.admittance import admittance_velocity
 from tautwave.laws.wave_filter import filter_gain
 
@@ -44,6 +51,7 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
     e.at = s.position
     e.velocity = 0.0
     e.push = 0.0
+    e.smooth = 0.0
     e.account = p.end.port.reserve
     e.reserve = e.account
     e.gap = gap * p.end.port.root
@@ -126,6 +134,7 @@ def close(
         e.at = at
         e.velocity = velocity
         e.push = push
+        e.smooth += q.recovery.smoothing * (velocity - e.smooth)
     if s.stopping:
         # A stop's damping acts on the device itself, not through the series damper.
         slipped = q.slip * port * span
@@ -307,6 +316,9 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
         if k.late > 0.0:
             pending += k.late * s.acted_total
     effort = port_effort(k.port, e.account, e.velocity, e.push, pending, e.wave_in)
+    if e.gap != 0.0:
+        ahead = e.velocity + k.port.ahead * e.push - 2.0 * k.port.half_mobility * pending
+        effort += recovery_friction(k.port, e.account, e.gap, e.smooth, ahead, effort)
     if k.step > 0.0 and e.account > 0.0:
         # What the drive's step took from the last effort goes on top: the mean is exact, and a
         # port that absorbs is not paid less than it has to send.

@@ -45,7 +45,8 @@ class WaveEndParams(NamedTuple):
 class WaveEnd:
     """State of one end: observer, tank, waves, and its books [J].
 
-    `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside.
+    `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside;
+    `smooth` is the velocity that friction resists while the end recovers.
     `account` is what the tank holds, `reserve` what it was filled with, 0 before. `wanted` is the
     last requested effort and `under_way` the sum of the port's efforts that are still to act [N m
     or N]; `cut_left` the periods for which an effort that limits cut may still act, `wanted_sum`,
@@ -62,6 +63,7 @@ class WaveEnd:
     at: float = 0.0
     velocity: float = 0.0
     push: float = 0.0
+    smooth: float = 0.0
     account: float = 0.0
     reserve: float = 0.0
     gap: float = 0.0
