@@ -45,8 +45,6 @@ class Device(NamedTuple):
         Sure lower bound [kg m^2 or kg]; inf where the device takes velocities.
     mechanical_range : float, optional
         Between the device's end stops [rad or m]; None: not stated.
-    watchdog_s : float, optional
-        Time after which the drive acts by itself if the host is silent [s]; None: not known.
     """
 
     period: float
@@ -60,7 +58,6 @@ class Device(NamedTuple):
     velocity: float = math.inf
     inertia: float = math.inf
     mechanical_range: float | None = None
-    watchdog_s: float | None = None
 
 
 class Spending(NamedTuple):
@@ -147,7 +144,6 @@ class AxisAllowance(NamedTuple):
     velocity: float
     inertia: float
     mechanical_range: float | None
-    watchdog_s: float | None
 
     @property
     def effort_step(self) -> float:
@@ -266,7 +262,6 @@ def share_out(has: Device, asks: Spending) -> AxisAllowance:
         velocity=has.velocity,
         inertia=has.inertia,
         mechanical_range=has.mechanical_range,
-        watchdog_s=has.watchdog_s,
     )
 
 
