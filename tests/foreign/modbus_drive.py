@@ -31,7 +31,8 @@ def crc16(data: bytes) -> bytes:
 class Drive:
     """A drive of the profile `generic` with a motor of 4.4e-3 kg m^2, and what happened to it.
 
-    `stubborn` writes of 0 to its control register are answered and have no effect.
+    `stubborn` writes of 0 to its control register are answered and have no effect; an `eager` one
+    comes on by itself with its supply.
     """
 
     def __init__(self, stubborn: int = 0) -> None:
@@ -41,6 +42,7 @@ class Drive:
         self.position = self.speed = 0.0
         self.now_ns = self.heard_ns = 0
         self.unguarded = False
+        self.eager = False
         self.dead_until_ns = -1
 
     def cut_power(self, now_ns: int, span_ns: int) -> None:
@@ -50,6 +52,8 @@ class Drive:
         self.words |= {0: 0x5457, 1: 1, 41: 1, 44: 1000, **kept}
         self.speed = 0.0
         self.dead_until_ns = now_ns + span_ns
+        if self.eager:
+            self.words[STATUS] = ENABLED
 
     @property
     def on(self) -> bool:
@@ -115,7 +119,8 @@ class DriveLine:
 
     `echo`: what is sent comes back, `cut`: nothing arrives any more; `resets`: how many connections
     break at the next write to a control register; `connections` counts those made, `requests` what
-    was asked, and `on_request` is called with that before each.
+    was asked, and `on_request` is called with that before each. `spoil` makes another frame of what
+    a drive answers, `refuse` an exception code of a request, 0 for none.
     """
 
     def __init__(self, clock: Any, drives: dict[int, Drive], *, tcp: bool, echo: bool = False):
@@ -124,6 +129,8 @@ class DriveLine:
         self.resets = 0
         self.requests = 0
         self.on_request: Callable[[int], None] | None = None
+        self.spoil: Callable[[bytes], bytes] = bytes
+        self.refuse: Callable[[bytes], int] = lambda pdu: 0
         self.connections = 0
 
     def port(self, endpoint: str) -> Port:
@@ -166,7 +173,7 @@ class Port:
         pdu = self._answer(frame[6], frame[7:], now_ns)
         if pdu:
             header = frame[:4] + struct.pack(">HB", len(pdu) + 1, frame[6])
-            self.coming.append((now_ns + 200_000, header + pdu))
+            self.coming.append((now_ns + 200_000, self.line.spoil(header + pdu)))
         return True
 
     def _take_serial(self, now_ns: int) -> bool:
@@ -176,7 +183,7 @@ class Port:
         pdu = self._answer(frame[0], frame[1:-2], now_ns)
         if pdu:
             whole = frame[:1] + pdu
-            self.coming.append((now_ns + 500_000, whole + crc16(whole)))
+            self.coming.append((now_ns + 500_000, self.line.spoil(whole + crc16(whole))))
         return False
 
     def _answer(self, unit: int, pdu: bytes, now_ns: int) -> bytes:
@@ -192,7 +199,8 @@ class Port:
         if drive is None or now_ns < drive.dead_until_ns:
             return b""
         drive.heard_ns = now_ns
-        return drive.respond(pdu)
+        code = self.line.refuse(pdu)
+        return bytes((pdu[0] | 0x80, code)) if code else drive.respond(pdu)
 
     def read(self) -> bytes:
         now = self.line.clock.now_ns()

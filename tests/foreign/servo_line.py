@@ -157,7 +157,7 @@ class ServoLine:
     """The servos and the wire: an in-memory transport, with the time on the wire.
 
     `instructions` counts the packets of the host; `on_instruction`, if given, is called with that
-    count before each.
+    count before each; `spoil` makes another frame of what a servo answers.
     """
 
     def __init__(self, clock: Any, *servos: Servo, baud: int = 4_000_000) -> None:
@@ -170,6 +170,7 @@ class ServoLine:
         self.instructions = 0
         self.on_instruction: Callable[[int], None] | None = None
         self.on_advance: Callable[[int], None] | None = None
+        self.spoil: Callable[[bytes], bytes] = bytes
 
     # -- the transport ------------------------------------------------------------------------
 
@@ -240,4 +241,4 @@ class ServoLine:
         alert = 0x80 if servo.get(ERROR, 1) else 0
         frame = packet(servo.device, bytes((STATUS, error | alert)) + data)
         self.busy_ns += len(frame) * self.byte_ns
-        self.coming.append((self.busy_ns, frame))
+        self.coming.append((self.busy_ns, self.spoil(frame)))

@@ -19,6 +19,7 @@ from tautwave.contracts import BusSpec, BytePort, Clock, Row
 from tautwave.driver_base import DriverBase
 from tautwave.errors import DriverError
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
+from tautwave_drivers.causes import wrong_text
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits, watchdog_units
 from tautwave_drivers.dynamixel.enabling import Enabling
 from tautwave_drivers.dynamixel.exchange import Exchange, Timing
@@ -244,12 +245,13 @@ class DynamixelDriver(DriverBase):
             for servo, values in zip(self._servos, exchange.values, strict=True)
             if values is None
         ]
+        wrong = "; ".join(self.misses.values())
         remedy = "check its cable, and that no id is used twice"
         if self._options.read == "fast_sync":
             remedy = "its firmware may be too old for a fast sync read: use read: sync"
         raise DriverError(
             f"bus {self._bus.name}: no response to a {self._options.read.replace('_', ' ')} read "
-            f"from {', '.join(silent)}; {remedy}"
+            f"from {', '.join(silent)}" + (f": {wrong}" if wrong else f"; {remedy}")
         )
 
     def _enable(self) -> bool:
@@ -271,6 +273,15 @@ class DynamixelDriver(DriverBase):
         ready = self._enabling.step()
         self._on = self._first = self._on or ready
         return ready
+
+    @property
+    def misses(self) -> dict[str, str]:
+        """What came instead of the samples of an axis, as text."""
+        if self._port is None:
+            return {}
+        texts = map(wrong_text, self._exchange.wrong)
+        found = zip(self._axis_of, self._ids, texts, strict=True)
+        return {self._axes[at].axis.name: f"servo {one}: {text}" for at, one, text in found if text}
 
     # -- every cycle ----------------------------------------------------------------------
 

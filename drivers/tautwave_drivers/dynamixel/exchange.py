@@ -17,14 +17,17 @@ that was not asked, none is.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from tautwave.contracts import BytePort, Clock
+from tautwave_drivers.causes import Cause
 from tautwave_drivers.dynamixel.budget import BITS_PER_BYTE
 from tautwave_drivers.dynamixel.fast_path import FastPath, Values
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.fast import FastStatus
+from tautwave_drivers.dynamixel.protocol.messages import cause_of
 from tautwave_drivers.dynamixel.protocol.registers import Register
 
 SLACK_NS = 100_000
@@ -151,6 +154,9 @@ class Exchange:
         self.values: list[Values | None] = [None] * len(ids)
         self.refusals: dict[int, int] = {}
         self.returned: list[tuple[int, int]] = []
+        self.wrong: list[Counter[Cause]] = [Counter() for _ in ids]
+        """What came instead of each servo's samples since the last one, by cause."""
+        self._heard = bytearray()
         self._doubtful: set[int] = set()
 
     def send(self, goals: bytes, now_ns: int) -> None:
@@ -200,6 +206,7 @@ class Exchange:
         """Take the responses byte by byte, whatever is between them."""
         port, clock, buffer = self._port, self._clock, self._buffer
         left = len(self._ids)
+        self._heard[:] = buffer
         self._settled = False
         self.values = [None] * left
         self.refusals.clear()
@@ -214,6 +221,7 @@ class Exchange:
                 self.stale += len(chunk)
             else:
                 buffer += chunk
+                self._heard += chunk
                 left, last = take(left)
                 if left == 0:
                     break
@@ -227,9 +235,20 @@ class Exchange:
             self.values[index] = None
         if self._doubtful:
             left = self.values.count(None)
+        self._count_wrong()
         self._reorder()
         self._complete = left == 0 and self._order == self._ids and not buffer
         return left
+
+    def _count_wrong(self) -> None:
+        """Count what came instead of samples."""
+        for index, values in enumerate(self.values):
+            if values is not None:
+                self.wrong[index].clear()
+            elif not self.refusals.get(index, 0) & ~packet.ALERT:
+                cause = cause_of(self._heard, self._ids[index], self._index)
+                if cause is not None:
+                    self.wrong[index][cause] += 1
 
     def _take(self, left: int) -> tuple[int, bool]:
         """Sort the complete status packets; return how many are missing, and if the last came."""

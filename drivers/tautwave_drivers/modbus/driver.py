@@ -175,9 +175,10 @@ class ModbusDriver(DriverBase):
                 if self._options.link == "rtu":
                     break
             elif not spans and number == TRIALS - 1:
+                wrong = "; ".join(f"{name}: {text}" for name, text in self.misses.items())
                 raise BusTimeout(
                     f"{', '.join(silent)}: no response to the cyclic request, although each "
-                    f"drive responded on its own; {_likely_cause(links, silent)}"
+                    f"drive responded on its own; {wrong or _likely_cause(links, silent)}"
                 )
         for link, _ in links.groups:
             link.abandon()  # a drive that was silent in the last of them still owes its answer
@@ -225,6 +226,21 @@ class ModbusDriver(DriverBase):
         ready = enabling.step()
         self._on = links.watching = enabling.done
         return ready
+
+    @property
+    def misses(self) -> dict[str, str]:
+        """What came instead of the responses of an axis, as text."""
+        links = self._links
+        found = (
+            {}
+            if links is None
+            else {
+                station.device.axis.name: link.misses(station.device.unit)
+                for link, stations in links.groups
+                for station in stations
+            }
+        )
+        return {name: text for name, text in found.items() if text}
 
     # -- every cycle ----------------------------------------------------------------------
 

@@ -97,9 +97,9 @@ class Enabling:
             ):
                 return
             link.abandon()
-            self._missed(station)
+            self._missed(link, station)
         elif not transaction.complete:
-            self._missed(station)
+            self._missed(link, station)
         else:
             self._misses = 0
             if station.enabling():
@@ -108,12 +108,13 @@ class Enabling:
         transaction.begin(station.procedure.requests())
         link.start((transaction,))
 
-    def _missed(self, station: Station) -> None:
+    def _missed(self, link: Link, station: Station) -> None:
         self._misses += 1
         if self._misses > MISSES:
+            wrong = link.misses(station.device.unit)
             raise BusTimeout(
-                f"{station.label}: stopped answering while it was being enabled; check its supply "
-                "and cable"
+                f"{station.label}: stopped answering while it was being enabled"
+                + (f": {wrong}" if wrong else "; check its supply and cable")
             )
 
     def _keep_alive(self) -> bool:

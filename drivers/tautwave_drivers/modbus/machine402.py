@@ -129,6 +129,10 @@ class Drive402:
         """Return whether a statusword shows a fault, so that its code is worth reading."""
         return decode(status) in (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
+    def is_on(self, status: int) -> bool:
+        """Return whether a statusword shows an enabled drive."""
+        return decode(status) is State.OPERATION_ENABLED
+
     def take_events(self) -> tuple[Event, ...]:
         """Return what happened since the last call."""
         return self.machine.take_events()

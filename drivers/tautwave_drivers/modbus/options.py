@@ -17,6 +17,8 @@ from tautwave_drivers.modbus.reports import SensorRegister, check_reports
 Positive = Annotated[float, Field(gt=0.0)]
 Pause = Annotated[float, Field(gt=0.0, le=60.0)]
 """[s] More than a minute is a typing error."""
+WRAP_S = 0.05
+"""[s] That much may pass between two samples of a position of 16 bits, at least."""
 TCP = "tcp://"
 PORT = 502
 
@@ -30,8 +32,9 @@ class Block(BaseModel):
 class DeviceOptions(Block):
     """One drive."""
 
-    unit: Annotated[int, Field(ge=1, le=247)]
-    """Unit id (RTU address); the `id` of the axis."""
+    unit: Annotated[int, Field(ge=0, le=255)]
+    """Unit id (RTU address); the `id` of the axis. Drives with a TCP server of their own often have
+    0 or 255; 1 to 247 with `link: rtu`."""
     profile: str = "generic"
     """generic, dsy-rs, cia402, or the path of a profile's YAML file."""
     endpoint: str | None = None
@@ -60,6 +63,7 @@ class ModbusOptions(Block):
     """Options of a Modbus bus."""
 
     link: Literal["tcp", "rtu"] = "tcp"
+    """rtu: RTU frames, on a serial line or passed on by a serial server at tcp://HOST:PORT."""
     endpoint: str = "sim"
     """tcp://HOST:PORT, a serial device, or `sim`: simulated drives."""
     baud: Annotated[int, Field(ge=300, le=10_000_000)] = 115_200
@@ -106,7 +110,7 @@ class ModbusOptions(Block):
         """[s] What a drive takes to respond."""
         if self.turnaround_s is not None:
             return self.turnaround_s
-        return 0.0 if self.link == "rtu" else 1e-3
+        return 0.0 if self.link == "rtu" and not self.endpoint.startswith(TCP) else 1e-3
 
     @property
     def latency_s(self) -> float:
@@ -268,16 +272,20 @@ def _link_problems(options: ModbusOptions, bus: BusSpec) -> list[str]:
     endpoints = [one.endpoint for one in options.devices if one.endpoint is not None]
     problems = []
     if options.link == "rtu":
-        if endpoints:
+        behind = [options.endpoint, *endpoints]
+        if endpoints and not all(one.startswith(TCP) for one in behind):
             problems.append(
                 "endpoint of a device is for TCP; on a serial line all drives share that of the bus"
             )
-        if options.endpoint.startswith(TCP):
-            problems.append(f"endpoint {options.endpoint} is not a serial device; use link: tcp")
-    else:
-        if options.echo:
-            problems.append("echo is for serial lines; remove it, or use link: rtu")
-        for one in {options.endpoint, *endpoints} - {"sim"}:
+        units = [one.unit for one in options.devices if not 1 <= one.unit <= 247]
+        if units:
+            problems.append(
+                f"unit {units[0]} is for a TCP server; with link: rtu units are 1 to 247"
+            )
+    elif options.echo:
+        problems.append("echo is for serial lines; remove it, or use link: rtu")
+    for one in {options.endpoint, *endpoints} - {"sim"}:
+        if options.link == "tcp" or one.startswith(TCP):
             try:
                 host_port(one)
             except ConfigError as err:
@@ -317,6 +325,7 @@ def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> D
     room = min(high, -low - 1) if low < 0 else 0
     if room < 1:
         raise ConfigError(f"profile {profile.family}: its command register is unsigned")
+    _check_wrap(axis, profile, scale)
     check_reports(axis, device.unit, device.effort_sensor, device.report_torque, profile)
     impedance = axis.causality == "impedance"
     quantum = scale.effort_command if impedance else scale.velocity_command
@@ -329,9 +338,36 @@ def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> D
             "or correct rated_torque and gear_ratio"
         )
     endpoint = device.endpoint or options.endpoint
-    if options.link == "rtu":
-        endpoint = options.endpoint
     return Device(axis, device, profile, scale, functions, endpoint, register, quantum, most)
+
+
+def _check_wrap(axis: AxisSpec, profile: Profile, scale: Scale) -> None:
+    """Refuse a position of 16 bits of which nobody could say how often it has wrapped.
+
+    Raises
+    ------
+    ConfigError
+        Its counts come round within the axis' range, or faster than a sample follows another.
+    """
+    register = profile.registers[profile.roles["position"]]
+    if register.words != 1:
+        return
+    span = (1 << 16) * scale.position
+    low, high = axis.position_range
+    unit = "m" if axis.kind == "linear" else "rad"
+    if not high - low < span:
+        raise ConfigError(
+            f"its position register has 16 bits, which come round after {span:.4g} {unit}, within "
+            f"position_range: where it is when switched on could not be told; narrow the range to "
+            "less than that, or use a register of 32 bits"
+        )
+    if axis.velocity_limit * WRAP_S >= 0.5 * span:
+        raise ConfigError(
+            f"its position register has 16 bits, which come round after {span:.4g} {unit}: at "
+            f"velocity_limit {axis.velocity_limit:g} {unit}/s half of that passes in less than "
+            f"{WRAP_S:g} s, so a wrap could be mistaken; lower velocity_limit to "
+            f"{0.49 * span / WRAP_S:.3g}, or use a register of 32 bits"
+        )
 
 
 def _command(axis: AxisSpec, profile: Profile) -> Register:

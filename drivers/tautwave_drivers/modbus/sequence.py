@@ -166,10 +166,7 @@ class Steps:
 
     def _wait(self, step: Step, found: int, where: str) -> None:
         if self._what == CHECK:
-            raise DeviceFault(
-                f"{self._label}: {step.register_name} reads {found} instead of {step.value}: it "
-                "was switched off and on, or another program wrote to it; check its supply"
-            )
+            raise DeviceFault(f"{self._label}: {forgot_text(step, found)}")
         profile = self._codec.profile
         states = profile.states if step.wait == profile.roles["status"] else None
         if self._what == "enable" and states is not None and states.fault.fits(found):
@@ -188,6 +185,14 @@ class Steps:
             return refusal(pdu)
         code = self._codec.decode(self._codec.profile.roles["fault"], pdu)
         return fault_text(self._codec.profile, code)
+
+
+def forgot_text(step: Step, found: int) -> str:
+    """Return that a register no longer holds what was set, as text."""
+    return (
+        f"{step.register_name} reads {found} instead of {step.value}: it was switched off and on, "
+        "or another program wrote to it; check its supply"
+    )
 
 
 def fault_text(profile: Profile, code: int | None) -> str:

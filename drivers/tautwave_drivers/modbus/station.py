@@ -21,11 +21,15 @@ from tautwave_drivers.modbus.sequence import (
     RegisterCodec,
     Steps,
     fault_text,
+    forgot_text,
     refusal,
 )
+from tautwave_drivers.modbus.unwrapping import Unwrapper
 
 NAN = math.nan
 MISSING = JointState(0.0, NAN, NAN, False, 0)
+FORGETS_NS = 45_000_000
+"""No drive restarts faster."""
 REFUSALS = 3
 """Refused commands in a row that end the run."""
 
@@ -120,9 +124,16 @@ class Station:
             mode = device.profile.modes["effort" if device.impedance else "velocity"]
             self.machine = Drive402(self.label, self.codec, mode, rate_hz, clock)
         self.arming: tuple[Step, ...] = ()
-        self.checks: tuple[Step, ...] = ()
-        """Registers that a power cycle resets, as they were set: read once it is enabled."""
         """Steps that switch its comm-loss watchdog on."""
+        self.checks: tuple[Step, ...] = ()
+        """Registers that a power cycle resets, as they were set: read once it is enabled, and again
+        after it was not heard for as long as a restart takes."""
+        self._forgets_ns = max(FORGETS_NS, 2.5e9 / rate_hz)
+        self._unwrapper: Unwrapper | None = None
+        if device.profile.registers[device.profile.roles["position"]].words == 1:
+            ends = sorted(one / self._position_step for one in device.axis.position_range)
+            fastest = device.axis.velocity_limit / device.scale.position
+            self._unwrapper = Unwrapper(ends[0], ends[1], fastest)
         self.procedure: Procedure | None = None
         self.reset()
 
@@ -133,6 +144,11 @@ class Station:
         self.resumed = False
         self.procedure = None
         self._checking = False
+        self._heard_ns = 0
+        self._doubtful: list[Step] = []
+        self._staged: tuple[int, ...] = ()
+        if self._unwrapper is not None:
+            self._unwrapper.forget()
         self.faults: list[Fault] = []
         self._refused = 0
         self._last_status = -1
@@ -172,9 +188,10 @@ class Station:
     def stage(self, counts: int) -> None:
         """Set the command of the next exchange."""
         if self._short:
-            self.plan.command.put((counts & 0xFFFF,))
+            self._staged = (counts & 0xFFFF,)
         else:
-            self.plan.command.put(to_words(counts, self._kind, self._low_first))
+            self._staged = to_words(counts, self._kind, self._low_first)
+        self.plan.command.put(self._staged)
 
     def command(self, command: AxisCommand) -> None:
         """Stage a command; zero where it is not finite or the drive is not enabled."""
@@ -195,6 +212,8 @@ class Station:
         machine = self.machine
         if not self.on:
             return self.plan.reads
+        if self._doubtful:
+            return self._recheck()
         if machine is None and not self._code_wanted:
             return self.plan.requests
         requests = list(self.plan.requests)
@@ -208,13 +227,13 @@ class Station:
         """Return the measured state; not valid where no sample came."""
         transaction, plan = self.transaction, self.plan
         responses = transaction.responses
+        if self._doubtful and self.on:
+            self._compare(responses)
+            return self._unseen()
         skip = plan.skip if self.on else 0
         end = skip + len(plan.blocks)
         if len(responses) < end:
-            if self.machine is not None and self.on:
-                self.machine.step(None, None)
-                self._collect_events()
-            return MISSING
+            return self._unseen()
         for number in range(end):
             if responses[number][0] & frames.REFUSED:
                 self._refuse(responses[number])
@@ -223,8 +242,30 @@ class Station:
                 break
         else:
             self._refused = 0
+        if self.on and not self.failed:
+            silence_ns = now_ns - self._heard_ns if self._heard_ns else 0
+            self._heard_ns = now_ns
+            number, read = plan.status
+            # Its status tells a restart, unless it comes on by itself: then what was set is gone.
+            if (silence_ns > self._forgets_ns or self.resumed) and self._shows_on(
+                read(responses[skip + number])
+            ):
+                self.resumed = False
+                self._doubtful = [step for step in (*self.arming, *self.checks) if step.wait]
+                if self._doubtful:
+                    return self._unseen()
         number, read = plan.position
-        position = read(responses[skip + number]) * self._position_step
+        count = read(responses[skip + number])
+        if self._unwrapper is not None:
+            unwrapped = self._unwrapper.take(count, now_ns)
+            if unwrapped is None:
+                self.fail(
+                    "was not heard for so long that its position of 16 bits may have come round; "
+                    "run again"
+                )
+                return MISSING
+            count = unwrapped
+        position = count * self._position_step
         effort = NAN
         if plan.effort is not None:
             number, read = plan.effort
@@ -238,6 +279,43 @@ class Station:
             number, read = plan.status
             self._watch(read(responses[skip + number]), responses[end:])
         return JointState(position, NAN, effort, True, now_ns - transaction.sent_ns[skip])
+
+    def _shows_on(self, status: int) -> bool:
+        if self.machine is not None:
+            return self.machine.is_on(status)
+        states = self.device.profile.states
+        return states is not None and states.enabled.fits(status)
+
+    def _unseen(self) -> JointState:
+        """Let the state machine pass a cycle without a sample."""
+        if self.machine is not None and self.on:
+            self.machine.step(None, None)
+            self._collect_events()
+        return MISSING
+
+    def _recheck(self) -> Sequence[Request]:
+        """Return the command, and in place of the state a register that it may have forgotten."""
+        name = self._doubtful[0].register_name
+        read = self.codec.read(name)
+        if self.plan.both is None or read.function != 3:
+            return (self.plan.command, read)
+        register, command = self.device.profile.registers[name], self.device.command
+        return (frames.read_write(register.address, register.words, command.address, self._staged),)
+
+    def _compare(self, responses: Sequence[bytes]) -> None:
+        """Take a register that was read again; what differs has been forgotten."""
+        if not responses or len(responses) < len(self.transaction.requests):
+            return
+        step, pdu = self._doubtful[0], responses[-1]
+        if pdu[0] & frames.REFUSED:
+            self._refuse(pdu)
+            return
+        self._refused = 0
+        found = self.codec.decode(step.register_name, pdu)
+        if found & step.mask != step.value & step.mask:
+            self.fail(forgot_text(step, found))
+        self._heard_ns = self._clock.now_ns()
+        del self._doubtful[0]
 
     def _watch(self, status: int, more: Sequence[bytes]) -> None:
         """Take the status and the additional responses."""

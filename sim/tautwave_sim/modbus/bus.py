@@ -139,7 +139,7 @@ class DriveBus:
         outcome = self.plan.request(unit, elapsed_ns)
         if outcome.lost:
             return None, outcome
-        if unit == BROADCAST:
+        if unit == BROADCAST and BROADCAST not in self.drives:
             for drive in self.drives.values():
                 drive.hear(now_ns)
                 request = self._parsed(drive, pdu)

@@ -11,7 +11,7 @@ from tautwave.errors import ConfigError
 Positive = Annotated[float, Field(gt=0.0)]
 Seconds = Annotated[float, Field(ge=0.0)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
-Unit = Annotated[int, Field(ge=1, le=247)]
+Unit = Annotated[int, Field(ge=0, le=255)]
 
 RequestFault = Literal[
     "request_lost",

@@ -73,6 +73,10 @@ GUARDS = {
 }
 
 
+CHECK_CABLE = "; check power and cable"
+"""Advice for an axis without samples, where its driver has no better."""
+
+
 def stop_place(
     r: RunParams,
     o: RunState,
@@ -123,7 +127,7 @@ def stop_error(
     if o.kind == MISSING:
         each = "cycle" if p.divisor == 1 else "exchange"
         many = f"{o.code} {each}s in a row" if o.code != 1 else f"one {each}"
-        return DriverError(f"{axis} on bus {bus!r}: no sample in {many}; check power and cable")
+        return DriverError(f"{axis} on bus {bus!r}: no sample in {many}{CHECK_CABLE}")
     if o.kind == BROKEN:
         return SafetyStop(broken_sentence(axis, unit, o.first, o.second))
     limit = p.site.limit

@@ -12,8 +12,8 @@ from functools import partial
 from typing import NamedTuple, Protocol
 
 from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
-from tautwave.controller.stops import StopPlace
-from tautwave.errors import BusTimeout, SettingsDifferError, TautwaveError
+from tautwave.controller.stops import CHECK_CABLE, StopPlace
+from tautwave.errors import BusTimeout, DriverError, SettingsDifferError, TautwaveError
 from tautwave.runtime.control import Control
 from tautwave.runtime.sensing import LoopBus, Sensing, bus_commands, first_axes
 from tautwave.runtime.timing import Histogram
@@ -157,11 +157,19 @@ class Loop:
             tuple(self._sensing.lost),
             tuple(self._sensing.late),
             tuple(self._sensing.faults),
-            error or self._sensing.fault or self._control.error(),
+            error or self._sensing.fault or self._reason(),
             self._control.place(),
             self._stop_asked,
             opened,
         )
+
+    def _reason(self) -> TautwaveError | None:
+        """Return the controller's reason to end; of an axis unseen, what its driver knows of it."""
+        error, place = self._control.error(), self._control.place()
+        why = "" if place is None else self._sensing.misses.get(place.axis, "")
+        if isinstance(error, DriverError) and why:
+            return DriverError(f"{str(error).removesuffix(CHECK_CABLE)}: {why}")
+        return error
 
     def _open(self) -> None:
         """Open every bus, unless a stop is requested; settings that differ are those of all."""

@@ -65,6 +65,8 @@ class Sensing:
         self.lost = [0] * axes
         self.late = [0] * axes
         self.faults: list[Fault] = []
+        self.misses: dict[str, str] = {}
+        """What drivers say of axes without a sample, by axis."""
 
     def sense(self, slot: int, deadline_ns: int) -> None:
         """Fill in the controller's samples; `fault` is the device fault that stopped the run."""
@@ -93,21 +95,27 @@ class Sensing:
                     f"bus {bus.name!r}: {len(measured)} samples for {len(bus.axes)} axes; "
                     "its driver must return one per axis, valid or not"
                 )
+            self._take_faults(bus, first, slot)  # first: they tell more than a missing sample
             unusable = control.take_all(first, measured, slot)
             for which in unusable:
                 self.lost[which] += 1
+            if unusable:
+                self.misses.update(getattr(bus.driver, "misses", {}))
             stale_ns = self._period_ns * bus.divisor
             for which, (_, _, _, _, age_ns) in enumerate(measured, first):
                 if age_ns > stale_ns and which not in unusable:
                     self.late[which] += 1
-            for fault in bus.driver.faults():
-                who = fault.axis or bus.name
-                named = fault.text.startswith((f"{who} ", f"{who}:"))
-                sentence = fault.text if named else f"{who}: {fault.text}"
-                self.faults.append(fault._replace(text=sentence))
-                which = first + bus.axes.index(fault.axis) if fault.axis in bus.axes else -1
-                if fault.fatal and control.fault(slot, which, sentence):
-                    self.fault = DeviceFault(sentence)
+
+    def _take_faults(self, bus: LoopBus, first: int, slot: int) -> None:
+        """Keep the faults of a bus, and stop for one that is fatal."""
+        for fault in bus.driver.faults():
+            who = fault.axis or bus.name
+            named = fault.text.startswith((f"{who} ", f"{who}:"))
+            sentence = fault.text if named else f"{who}: {fault.text}"
+            self.faults.append(fault._replace(text=sentence))
+            which = first + bus.axes.index(fault.axis) if fault.axis in bus.axes else -1
+            if fault.fatal and self._control.fault(slot, which, sentence):
+                self.fault = DeviceFault(sentence)
 
     def _ask(self, number: int, bus: LoopBus, slot: int) -> None:
         """Begin an exchange on a slow bus, if this is the slot for it."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import re
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
@@ -419,3 +421,59 @@ def test_a_port_that_was_lost_is_opened_anew_for_torque_off(
     assert len(adapters) == 2
     assert driver.unconfirmed == {}
     assert_safe(made)
+
+
+# -- somebody else's words -------------------------------------------------------------------
+
+
+def of_servo(number: int) -> Callable[[bytes], bytes]:
+    return lambda frame: servo_line.packet(number, frame[7:-2])
+
+
+SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
+    "checksum": (
+        lambda frame: frame[:-1] + bytes((frame[-1] ^ 1,)),
+        "all with a wrong checksum; check cable",
+    ),
+    "another servo": (of_servo(9), "all of servo 9, which was not asked"),
+    "length": (
+        lambda frame: servo_line.packet(frame[4], frame[7:-3]),
+        "all of another length; is another program on the line",
+    ),
+    "twice": (lambda frame: frame + frame, "all from two servos with one id"),
+    "another protocol": (
+        lambda frame: b"\xff\xff\x01\x04\x00\x20\x03\xd7",
+        "all no packets of protocol 2.0; check baud; servos of other makers",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SPOILT)
+def test_wrong_answers_are_counted_and_named(kind: str) -> None:
+    made = rig({})
+    made.enable()
+    for _ in range(5):
+        made.cycle()
+    assert made.driver.misses == {}
+    made.line.spoil, words = SPOILT[kind]
+    for _ in range(12):
+        states, _ = made.cycle()
+        assert not states[0].valid
+    said = made.driver.misses["master.a1"]
+    assert words in said
+    assert re.match(r"servo 1: 1[12] answers, ", said)
+    made.line.spoil = bytes
+    for _ in range(3):
+        made.cycle()
+    assert made.driver.misses == {}
+    made.driver.close()
+
+
+def test_a_servo_that_is_silent_says_nothing_wrong() -> None:
+    made = rig()
+    made.enable()
+    made.line.servos[1].deaf = True
+    for _ in range(12):
+        made.cycle()
+    assert made.driver.misses == {}
+    made.driver.close()

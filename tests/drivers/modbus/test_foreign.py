@@ -49,20 +49,23 @@ def rig(
     tcp: bool = True,
     echo: bool = False,
     functions: tuple[int, ...] = (3, 16),
+    first: int = 1,
+    profile: str = "generic",
+    rate_hz: float = 50.0,
     **more: Any,
 ) -> Rig:
     monkeypatch.setattr(modbus_drive.Port, "lost", Lost)
     clock = FakeClock(1_000_000_000)
-    units = range(1, len(drives) + 1)
+    units = range(first, first + len(drives))
     line = DriveLine(clock, dict(zip(units, drives, strict=True)), tcp=tcp, echo=echo)
     axes = [spec(unit) for unit in units or (1,)]
     more |= {"echo": more.pop("options_echo")} if "options_echo" in more else {}
     block = options_of(axes, "generic", link="tcp" if tcp else "rtu", comm_timeout_s=0.3, **more)
-    block["devices"] = [device(axis.device_id, function_codes=list(functions)) for axis in axes]
-    bus = bus_of(axes, 50.0, allow_unwatched=False)
-    return Rig(
-        plugin.make(plugin.options.model_validate(block), bus, clock, line), line, clock, 20_000_000
-    )
+    own = {"function_codes": list(functions), "profile": profile}
+    block["devices"] = [device(axis.device_id) | own for axis in axes]
+    bus = bus_of(axes, rate_hz, allow_unwatched=False)
+    driver = plugin.make(plugin.options.model_validate(block), bus, clock, line)
+    return Rig(driver, line, clock, bus.period_ns)
 
 
 def assert_off(made: Rig) -> None:

@@ -192,7 +192,9 @@ def test_what_has_to_be_known_of_a_drive_is_asked_for() -> None:
     assert "feed [m per turn" in refused([linear])
     assert "feed is for linear axes" in refused([spec(1)], devices=[device(1, feed=0.01)])
     assert "should be tcp://HOST:PORT" in refused([spec(1)], endpoint="10.0.0.7:502")
-    assert "not a serial device" in refused([spec(1)], endpoint="tcp://a:1", link="rtu")
+    for unit in (0, 248, 255):
+        found = refused([spec(unit)], devices=[device(unit)], link="rtu", endpoint="tcp://a:1")
+        assert f"unit {unit} is for a TCP server" in found
     tiny = spec(1, effort=1e-5)
     assert "less than one count" in refused([tiny])
 

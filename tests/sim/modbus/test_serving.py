@@ -291,7 +291,7 @@ def test_a_bench_that_cannot_be_is_refused(given: dict[str, Any], reported: str)
         simulator.bench(ModbusBenchOptions(**given))
 
 
-@pytest.mark.parametrize("units", [(), (0,), (248,)])
+@pytest.mark.parametrize("units", [(), (-1,), (256,)])
 def test_units_are_those_of_the_standard(units: tuple[int, ...]) -> None:
     with pytest.raises(ValidationError, match="units"):
         ModbusBenchOptions(units=units)

@@ -6,6 +6,10 @@ Sources: ROBOTIS e-manual, "Shutdown(63)" of the X series (bits of the hardware 
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
+from tautwave_drivers.causes import Cause
+from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.packet import ALERT
 
 HARDWARE = {
@@ -66,3 +70,39 @@ def protocol1_text(error: int) -> str:
     """Return the error byte of a protocol 1.0 status packet as text."""
     bits = [bit for bit in range(8) if error >> bit & 1]
     return " and ".join(FIRST.get(bit, f"error bit {bit}") for bit in bits) or "no error"
+
+
+BAD_CRC = Cause(
+    "with a wrong checksum", "check cable, plugs, supply and baud rate, and for a second master"
+)
+OF_LENGTH = Cause("of another length", "is another program on the line?")
+TWICE = Cause("from two servos with one id", "give one of them another id")
+NO_PACKETS = Cause(
+    "no packets of protocol 2.0", "check baud; servos of other makers speak another protocol"
+)
+
+
+def cause_of(heard: bytes | bytearray, device_id: int, asked: Collection[int]) -> Cause | None:
+    """Return why what came in a cycle has no sample of a servo that was asked; None: silence."""
+    at = heard.find(packet.HEADER)
+    if at < 0:
+        return NO_PACKETS if heard else None
+    seen: set[int] = set()
+    strange: Cause | None = None
+    while at >= 0:
+        buffer = bytearray(heard[at:])
+        whole = len(buffer) >= 7 and len(buffer) >= 7 + int.from_bytes(buffer[5:7], "little")
+        who = buffer[4] if len(buffer) > 4 else -1
+        one = packet.take_packet(buffer) if whole else None
+        if one is None or one.device_id != who:
+            if who == device_id:
+                return BAD_CRC if whole else OF_LENGTH
+        elif one.instruction == packet.STATUS and who == device_id:
+            if who in seen:
+                return TWICE
+            strange = OF_LENGTH
+        elif one.instruction == packet.STATUS and who not in asked and who != packet.BROADCAST:
+            strange = Cause(f"of servo {who}, which was not asked", "give each servo its own id")
+        seen.add(who)
+        at = heard.find(packet.HEADER, at + 1)
+    return strange

@@ -8,11 +8,12 @@ from tautwave_drivers.modbus.line.link import Link
 from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.protocol.frames import REFUSED, Request, rtu_request
 from tautwave_drivers.modbus.protocol.transaction import Transaction
-from tautwave_drivers.modbus.sequence import Procedure
+from tautwave_drivers.modbus.sequence import Procedure, is_busy
 from tautwave_drivers.modbus.station import Station
 
 TRIES = 5
-BUSY = 6
+BUSY_S = 3.0
+"""How long a drive may be busy, or take for what it accepted: storing takes seconds."""
 PAUSE_NS = 5_000_000
 
 
@@ -115,11 +116,16 @@ class Client:
                 pdu = request_once(self._link, clock, station.device.unit, request, until)
             except DriverError as err:
                 raise DriverError(f"{station.label}: {err}") from err
-            while pdu and pdu[0] & REFUSED and pdu[1] == BUSY and clock.now_ns() < until:
+            busy_until = clock.now_ns() + round(1e9 * BUSY_S)
+            while pdu and is_busy(pdu) and clock.now_ns() < busy_until:
                 clock.sleep_until(clock.now_ns() + PAUSE_NS)
+                until = clock.now_ns() + self._timeout_ns
                 pdu = request_once(self._link, clock, station.device.unit, request, until)
             if pdu:
                 return pdu
+        wrong = self._link.misses(station.device.unit)
+        if wrong:
+            raise BusTimeout(f"{station.label}: no answer at {station.device.endpoint}: {wrong}")
         raise BusTimeout(
             f"{station.label}: no answer at {station.device.endpoint}; check its supply and cable, "
             "and its unit id with: tautwave scan modbus"

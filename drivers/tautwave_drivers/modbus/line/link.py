@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import deque
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 from tautwave.contracts import BytePort, Clock
 from tautwave.errors import DriverError
+from tautwave_drivers.causes import Cause, wrong_text
 from tautwave_drivers.modbus.protocol.transaction import Opener, Transaction
 
 SLACK_NS = 2_000_000
 """What host and network may add before a drive counts as silent and the next one is asked."""
+
+BEHIND_A_GATEWAY = (10, 11)
+"""Exceptions of a gateway, not of the drive behind it."""
 
 
 class Link(ABC):
@@ -31,6 +35,8 @@ class Link(ABC):
         Why it cannot be used, else ''.
     late, unexpected : int
         Responses to requests given up before, and bytes or frames that respond to nothing.
+    wrong : dict
+        By unit, what came instead of its responses since the last right one, by cause.
     """
 
     retry_ns: ClassVar[int]
@@ -47,6 +53,16 @@ class Link(ABC):
         self.lost = "not open yet"
         self.late = 0
         self.unexpected = 0
+        self.wrong: dict[int, Counter[Cause]] = {}
+
+    def note_wrong(self, units: Iterable[int], cause: Cause) -> None:
+        """Count something that is no response, although one of these units owes one."""
+        for unit in units:
+            self.wrong.setdefault(unit, Counter())[cause] += 1
+
+    def misses(self, unit: int) -> str:
+        """Return what came instead of a unit's responses, as text; '' if nothing did."""
+        return wrong_text(self.wrong.get(unit, {}))
 
     @property
     def port(self) -> BytePort | None:

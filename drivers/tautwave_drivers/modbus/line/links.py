@@ -14,7 +14,7 @@ from tautwave_drivers.modbus.line.link import Link
 from tautwave_drivers.modbus.line.ports import EpollGroup, PortGroup, TcpPort
 from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.line.tcp import TcpLink
-from tautwave_drivers.modbus.options import ModbusOptions
+from tautwave_drivers.modbus.options import TCP, ModbusOptions
 from tautwave_drivers.modbus.protocol.transaction import Opener
 from tautwave_drivers.modbus.station import Station
 from tautwave_drivers.serial_port import SerialPort
@@ -94,7 +94,7 @@ class Links:
                 f"bus {self._bus.name}: endpoint: sim needs simulated drives, but this rig has "
                 "none; add a simulation block, or name a real endpoint"
             )
-        if not rtu:
+        if endpoint.startswith(TCP):
             return lambda: TcpPort(endpoint)
         return lambda: SerialPort(endpoint, options.baud, options.parity, options.stop_bits)
 

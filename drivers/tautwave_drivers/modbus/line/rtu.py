@@ -12,9 +12,25 @@ from collections.abc import Callable, Sequence
 
 from tautwave.contracts import BytePort, Clock
 from tautwave.errors import DriverError
-from tautwave_drivers.modbus.line.link import SLACK_NS, Link
+from tautwave_drivers.causes import Cause
+from tautwave_drivers.modbus.line.link import BEHIND_A_GATEWAY, SLACK_NS, Link
 from tautwave_drivers.modbus.options import ModbusOptions
-from tautwave_drivers.modbus.protocol.frames import Request, rtu_request, take_rtu
+from tautwave_drivers.modbus.protocol.frames import (
+    REFUSED,
+    Request,
+    frame_in,
+    rtu_request,
+    take_rtu,
+)
+from tautwave_drivers.modbus.protocol.messages import (
+    NO_RTU,
+    OF_CRC,
+    OF_LENGTH,
+    TOO_LATE,
+    of_exception,
+    of_function,
+    of_unit,
+)
 from tautwave_drivers.modbus.protocol.transaction import Opener, Transaction
 
 LONGEST = 1024
@@ -68,9 +84,17 @@ class RtuLink(Link):
         return max(self._quiet_ns, min(free))
 
     def connect(self) -> bool:
-        """Open the line; raises `DriverError` if that fails."""
+        """Open the line, or go on connecting to a server; raises `DriverError` if it fails."""
         if self.lost:
-            self._port = self._open()
+            if self._port is None:
+                self._port = self._open()
+            connected = getattr(self._port, "connected", None)
+            try:
+                if connected is not None and not connected():
+                    return False
+            except DriverError:
+                self.close()
+                raise
             self._waiting = getattr(self._port, "waiting", None)
             self.lost = ""
             self._buffer.clear()
@@ -135,6 +159,10 @@ class RtuLink(Link):
                 pending.take(pdu, now_ns)
                 if self._silent:
                     self._silent.discard(pending.unit)
+                if self.wrong:
+                    self.wrong.pop(pending.unit, None)
+                if pdu[0] & REFUSED and pdu[1] in BEHIND_A_GATEWAY:
+                    self.note_wrong((pending.unit,), of_exception(pdu[1]))
                 if pending.pending:
                     self._queue.appendleft(pending)
         else:
@@ -157,6 +185,7 @@ class RtuLink(Link):
             if take_rtu(buffer, unit, request) is not None:
                 del self._missed[unit]
                 self.late += 1
+                self.note_wrong((unit,), TOO_LATE)
                 buffer.clear()
                 return
 
@@ -196,6 +225,8 @@ class RtuLink(Link):
         )
         self._silent.add(transaction.unit)
         self._pending = None
+        if self._buffer:
+            self.note_wrong((transaction.unit,), _cause(transaction, self._buffer))
         transaction.give_up()
 
     def watch(self) -> None:
@@ -209,3 +240,18 @@ class RtuLink(Link):
         """Close the line; `lost` is `why`."""
         super().drop(why)
         self._missed.clear()
+
+
+def _cause(transaction: Transaction, heard: bytes | bytearray) -> Cause:
+    """Return why what was heard is no response to a request."""
+    function = transaction.request.function
+    found = frame_in(heard)
+    if found is None:
+        begins = heard[0] == transaction.unit and heard[1:2] in (
+            bytes((function,)),
+            bytes((function | REFUSED,)),
+        )
+        return OF_CRC if begins else NO_RTU
+    if found[0] != transaction.unit:
+        return of_unit(found[0], transaction.unit)
+    return of_function(found[1], function) if found[1] != function else OF_LENGTH

@@ -8,15 +8,30 @@ MODBUS Messaging on TCP/IP V1.0b lets a server refuse or drop what comes before 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
-from tautwave_drivers.modbus.line.link import SLACK_NS, Link
-from tautwave_drivers.modbus.protocol.frames import only_tcp, take_tcp, tcp_request
+from tautwave_drivers.causes import Cause
+from tautwave_drivers.modbus.line.link import BEHIND_A_GATEWAY, SLACK_NS, Link
+from tautwave_drivers.modbus.protocol.frames import (
+    REFUSED,
+    may_be_tcp,
+    only_tcp,
+    take_tcp,
+    tcp_request,
+)
+from tautwave_drivers.modbus.protocol.messages import (
+    NO_TCP,
+    OF_LENGTH,
+    OF_TRANSACTION,
+    TOO_LATE,
+    of_exception,
+    of_function,
+    of_unit,
+)
 from tautwave_drivers.modbus.protocol.transaction import Opener, Transaction
-
-LONGEST = 4096
 
 
 class TcpLink(Link):
@@ -55,6 +70,7 @@ class TcpLink(Link):
         self._pending: dict[int, Transaction] = {}
         self._last_id = 0
         self._unanswered_ns = 0
+        self._given_up: deque[int] = deque(maxlen=256)
 
     @property
     def busy(self) -> bool:
@@ -144,6 +160,7 @@ class TcpLink(Link):
         for transaction_id, transaction in list(self._pending.items()):
             if transaction.sent_ns[-1] <= limit_ns:
                 del self._pending[transaction_id]
+                self._given_up.append(transaction_id)
                 self._silent.add(transaction.unit)
                 transaction.give_up()
         transactions = self._next()
@@ -160,9 +177,11 @@ class TcpLink(Link):
             self._align(buffer)
         else:
             buffer += data
-        while (found := take_tcp(buffer)) is not None:
+        while may_be_tcp(buffer) and (found := take_tcp(buffer)) is not None:
             self._take(*found, now)
-        if len(buffer) > LONGEST:
+        if not may_be_tcp(buffer):  # nor is there a way to find the next header
+            self.unexpected += 1
+            self.note_wrong(self._owing(), NO_TCP)
             buffer.clear()
 
     def _align(self, buffer: bytearray) -> None:
@@ -179,9 +198,17 @@ class TcpLink(Link):
 
     def _take(self, transaction_id: int, unit: int, pdu: bytes, now_ns: int) -> None:
         transaction = self._pending.get(transaction_id)
-        if transaction is None:
+        if transaction is None and transaction_id in self._given_up:
             self.late += 1
+            self.note_wrong(self._owing(), TOO_LATE)
+        elif transaction is None:
+            self.unexpected += 1
+            self.note_wrong(self._owing(), OF_TRANSACTION)
         elif transaction.unit == unit and transaction.request.fits(pdu):
+            if self.wrong:
+                self.wrong.pop(unit, None)
+            if pdu[0] & REFUSED and pdu[1] in BEHIND_A_GATEWAY:
+                self.note_wrong((unit,), of_exception(pdu[1]))
             del self._pending[transaction_id]
             self._unanswered_ns = 0
             spent_ns = now_ns - transaction.sent_ns[-1]
@@ -194,6 +221,10 @@ class TcpLink(Link):
                 self._send((transaction,), now_ns)
         else:
             self.unexpected += 1
+            self.note_wrong((transaction.unit,), _cause(transaction, unit, pdu))
+
+    def _owing(self) -> set[int]:
+        return {transaction.unit for transaction in self._pending.values()}
 
     def watch(self) -> None:
         """Drop a half-open connection: it stands, but nothing comes, and no error says so."""
@@ -208,6 +239,7 @@ class TcpLink(Link):
         for transaction in self._pending.values():
             self._silent.add(transaction.unit)
             transaction.give_up()
+        self._given_up.extend(self._pending)
         self._pending.clear()
 
     def drop(self, why: str) -> None:
@@ -219,3 +251,13 @@ class TcpLink(Link):
         """Release the connection; idempotent."""
         self._connecting = False
         super().close()
+
+
+def _cause(transaction: Transaction, unit: int, pdu: bytes) -> Cause:
+    """Return why a frame with the right transaction id is no response."""
+    if unit != transaction.unit:
+        return of_unit(unit, transaction.unit)
+    function = pdu[0] & ~REFUSED
+    if function != transaction.request.function:
+        return of_function(function, transaction.request.function)
+    return OF_LENGTH

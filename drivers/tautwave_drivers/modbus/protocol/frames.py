@@ -173,15 +173,19 @@ def only_tcp(data: bytes) -> tuple[int, int, bytes] | None:
     return transaction_id, unit, data[MBAP:]
 
 
+def may_be_tcp(buffer: bytearray) -> bool:
+    """Return whether bytes may be the beginning of a frame: its header says so, or is not whole."""
+    return len(buffer) < 6 or not (buffer[2] or buffer[3] or buffer[4] or not 3 <= buffer[5] <= 254)
+
+
 def take_tcp(buffer: bytearray) -> tuple[int, int, bytes] | None:
     """Take transaction, unit and PDU of the first whole frame out of a stream; None if none is.
 
     Where bytes cannot be a header, there is no way to find the next one: all are dropped.
     """
-    if len(buffer) < MBAP + 1:
-        return None
-    if buffer[2] or buffer[3] or buffer[4] or not 3 <= buffer[5] <= 254:
+    if not may_be_tcp(buffer):
         buffer.clear()
+    if len(buffer) < MBAP + 1:
         return None
     end = 6 + buffer[5]
     if len(buffer) < end:
@@ -250,3 +254,20 @@ def _reported_size(data: bytes | bytearray, start: int) -> int:
             return 0
         at += 2 + data[at + 1]
     return at - start
+
+
+def frame_in(data: bytes | bytearray) -> tuple[int, int] | None:
+    """Return unit and function code of the first RTU response in `data`, to whomever; None: none.
+
+    Exceptions count as their function.
+    """
+    for start in range(len(data) - 4):
+        code = data[start + 1]
+        size = 5 if code & REFUSED or code not in _SIZES else _SIZES[code] or 5 + data[start + 2]
+        if start + size <= len(data) and crc16(data[start : start + size]) == 0:
+            return data[start], code & ~REFUSED
+    return None
+
+
+_SIZES = {1: 0, 2: 0, 3: 0, 4: 0, 5: 8, 6: 8, 15: 8, 16: 8, 23: 0}
+"""Bytes of a response by function code; 0 where its third byte says how many more."""

@@ -5,6 +5,8 @@ Source: MODBUS Application Protocol Specification V1.1b3, 7 (exception codes).
 
 from __future__ import annotations
 
+from tautwave_drivers.causes import Cause
+
 EXCEPTIONS = {
     1: "function code not supported",
     2: "no such register",
@@ -26,6 +28,48 @@ FUNCTIONS = {
     23: "read and write registers",
     43: "identify",
 }
+
+
+def of_unit(found: int, asked: int) -> Cause:
+    """Return the cause of an answer with another unit."""
+    return Cause(
+        f"of unit {found} instead of {asked}",
+        f"set unit: {found} if that is the drive, or have the server answer as the unit it was "
+        "asked for",
+    )
+
+
+def of_function(found: int, asked: int) -> Cause:
+    """Return the cause of an answer to another function."""
+    return Cause(
+        f"to function code {found} instead of {asked}",
+        "is another master on the line, or does the drive not know that function (function_codes)?",
+    )
+
+
+OF_TRANSACTION = Cause(
+    "with another transaction id",
+    "the server has to return the id it was sent; a serial server that only passes bytes on wants "
+    "link: rtu",
+)
+TOO_LATE = Cause(
+    "to requests that were given up before",
+    "raise turnaround_s, or late_s and the bus' divisor, or look for what delays them",
+)
+OF_CRC = Cause("with a wrong CRC", "check baud, parity, stop_bits, termination and shielding")
+OF_LENGTH = Cause("of another length or address than asked for", "is another master on the line?")
+NO_TCP = Cause("no Modbus TCP frames", "a serial server that only passes bytes on wants link: rtu")
+NO_RTU = Cause(
+    "no RTU frames", "check baud, parity and stop_bits; a Modbus TCP server wants link: tcp"
+)
+
+
+def of_exception(code: int) -> Cause:
+    """Return the cause of a gateway's exception."""
+    return Cause(
+        exception_text(code),
+        "check the gateway's serial side: baud, parity, wiring, and the drive's unit id",
+    )
 
 
 def exception_text(code: int) -> str:
