@@ -202,6 +202,30 @@ def test_drives_on_a_shared_can_interface_have_one_server(run: Any) -> None:
     assert not list(directory().glob("*.json"))
 
 
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        (
+            "bench-modbus-tcp-sim",
+            ("--set", "rate_hz=400", "--set", "coupling.pairs.lever.wave_filter_hz=4"),
+        ),
+        ("bench-canopen-vcan", (*UDP, "--set", "rate_hz=100")),
+    ],
+)
+def test_a_second_run_is_refused_and_the_first_goes_on(
+    run: Any, tmp_path: Path, name: str, words: tuple[str, ...]
+) -> None:
+    rig, slow = config(name), (*words, "--allow-uncertified", "--attach")
+    with sim(rig, *words), begun(rig, *slow, cwd=tmp_path) as first:
+        reported, summary, _ = run(rig, *slow)
+        assert reported.exit_code == 5
+        assert f"has a master on this machine, process {first.pid} (" in reported.stderr
+        assert summary is None
+        assert first.poll() is None
+
+
 @pytest.mark.vcan
 @pytest.mark.timeout(240)
 def test_drives_on_vcan_are_attached_to_and_served(run: Any) -> None:
@@ -232,21 +256,31 @@ def test_after_a_run_on_vcan_was_killed_the_next_one_comes_up(run: Any, tmp_path
     assert finished(reported, summary)
 
 
-def kill_a_run(*words: str, cwd: Path) -> None:
-    """Kill a run with SIGKILL once its motors move."""
+@contextmanager
+def begun(*words: str, cwd: Path) -> Iterator[subprocess.Popen[str]]:
+    """Give a run whose motors move; it is killed after the block."""
     command = [sys.executable, "-c", MAIN, "run", *words, "--duration", "60", *PATIENT[2:]]
     with subprocess.Popen(
         command, cwd=cwd, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     ) as child:
         assert child.stderr is not None
-        said = ""
-        for line in child.stderr:
-            said += line
-            if "running" in line:
-                break
-        else:
-            pytest.fail(f"it did not run: {said}")
-        child.kill()
+        try:
+            said = ""
+            for line in child.stderr:
+                said += line
+                if "running" in line:
+                    break
+            else:
+                pytest.fail(f"it did not run: {said}")
+            yield child
+        finally:
+            child.kill()
+
+
+def kill_a_run(*words: str, cwd: Path) -> None:
+    """Kill a run with SIGKILL once its motors move."""
+    with begun(*words, cwd=cwd):
+        pass
 
 
 @pytest.mark.slow

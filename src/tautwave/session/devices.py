@@ -9,6 +9,7 @@ from typing import Any
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, DriverError
 from tautwave.rig import BusWay, Simulate, Way, bus_ways, overlaid
+from tautwave.session.bus_locks import sole_master
 from tautwave.session.registration import RUN, SIM, Server, find_server, registered, start
 from tautwave.session.serving import Announce, bus_bench, interrupted, serve, served
 
@@ -37,11 +38,13 @@ def describe_ways(
 def devices(rig: Rig, ways: Mapping[str, BusWay]) -> Iterator[dict[str, BusWay]]:
     """Provide the simulated devices of a run inside the block; yield the ways with their endpoints.
 
+    The run is the only master of its endpoints on this machine meanwhile.
+
     Raises
     ------
     DriverError
-        They do not start, an endpoint is already served, or devices expected elsewhere are not
-        served.
+        They do not start, an endpoint is already served or has a master, or devices expected
+        elsewhere are not served.
     """
     found = attached(rig, ways)
     buses = _of(found, Way.SERVED)
@@ -50,7 +53,8 @@ def devices(rig: Rig, ways: Mapping[str, BusWay]) -> Iterator[dict[str, BusWay]]
     with alone, served(overlaid(rig, found), buses) as lines:
         for name, line in lines.items():
             found[name] = _led(found[name], line)
-        yield found
+        with sole_master({name: way.endpoint for name, way in found.items()}):
+            yield found
 
 
 def attached(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, BusWay]:
