@@ -1,0 +1,150 @@
+"""Frames of one bus, cycle by cycle: requests out, answers in until all are there or time is up.
+
+A port that fails ends in `lost`, never in an exception: the loop stops its axes then. A full queue
+is waited for: what is in it is stale, so nothing is added until it has drained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tautwave.contracts import Clock, FramePort
+from tautwave.errors import DriverError
+from tautwave_drivers.can.errors import error_text
+from tautwave_drivers.can.framing import ERROR_FRAME
+
+DEAD_CYCLES = 5
+"""Cycles with a full queue and nothing received that mean a dead bus."""
+
+
+class Exchange:
+    """One end of a bus from its opening to its end.
+
+    Parameters
+    ----------
+    port : FramePort
+        Where frames go and come.
+    clock : Clock
+        What waits.
+    take : callable
+        Takes identifier, data and arrival [ns] of a data frame; True: an answer that was missing.
+
+    Attributes
+    ----------
+    missing : int
+        Answers still to come in this cycle; set by who asks.
+    lost : str
+        Why the bus cannot be used any more, else ''.
+    """
+
+    def __init__(
+        self, port: FramePort, clock: Clock, take: Callable[[int, bytes, int], bool]
+    ) -> None:
+        self.port = port
+        self._clock = clock
+        self._take = take
+        self.missing = 0
+        self.lost = ""
+        self._reports: list[str] = []
+        self._counts: dict[str, int] = {}
+        self._full_cycles = 0
+        self._received = self._received_then = 0
+
+    def begin(self) -> bool:
+        """Take in what is left of the last cycle; return whether frames may be sent now."""
+        self.drain()
+        self.missing = 0  # what was left of the last cycle answers nothing of this one
+        if self.lost:
+            return False
+        if not self._full_cycles:
+            return True
+        return self._drained()
+
+    def send(self, can_id: int, data: bytes) -> bool:
+        """Send a frame; False where it did not go out."""
+        if self.lost:
+            return False
+        try:
+            if self.port.send(can_id, data):
+                if self._full_cycles:
+                    self._accepts_again()
+                return True
+        except DriverError as err:
+            self.lose(str(err))
+            return False
+        if not self._full_cycles:
+            self._full_cycles = 1
+            self._received_then = self._received
+        return False
+
+    def drain(self) -> None:
+        """Take in everything that has arrived, without waiting."""
+        try:
+            self._clock.wait(self.port, self._clock.now_ns())  # runs a simulated bus up to now
+            while (frame := self.port.receive()) is not None:
+                self._hear(frame)
+        except DriverError as err:
+            self.lose(str(err))
+
+    def collect(self, deadline_ns: int) -> None:
+        """Take frames until no answer is missing, or the time is up."""
+        receive = self.port.receive
+        try:
+            while self.missing > 0 and not self.lost:
+                frame = receive()
+                if frame is not None:
+                    self._hear(frame)
+                elif not self._clock.wait(self.port, deadline_ns):
+                    return
+        except DriverError as err:
+            self.lose(str(err))
+
+    def lose(self, text: str) -> None:
+        """Declare the bus lost."""
+        self.lost = self.lost or text
+
+    def report(self, text: str) -> None:
+        """Report something about the bus; repeats are reported at 10, 100, 1000 ... times."""
+        count = self._counts[text] = self._counts.get(text, 0) + 1
+        if str(count).strip("0") == "1":
+            self._reports.append(text + (f" ({count} times)" if count > 1 else ""))
+
+    def reports(self) -> list[str]:
+        """Return what was reported since the last call."""
+        found, self._reports = self._reports, []
+        return found
+
+    def _hear(self, frame: tuple[int, bytes, int]) -> None:
+        self._received += 1
+        can_id, data, arrival_ns = frame
+        if can_id & ERROR_FRAME:
+            text, lost = error_text(can_id, data)
+            if lost:
+                self.lose(text)
+            else:
+                self.report(f"CAN: {text}")
+        elif self._take(can_id, data, arrival_ns):
+            self.missing -= 1
+
+    def _drained(self) -> bool:
+        """Return whether a full queue may accept frames again; called once a cycle while it is."""
+        self._full_cycles += 1
+        if self._received == self._received_then and self._full_cycles > DEAD_CYCLES:
+            self.lose(
+                f"CAN: dead bus: the transmit queue has been full for {self._full_cycles} cycles "
+                "and nothing is received; check cable, termination, power and bit rate"
+            )
+            return False
+        purge: Any = getattr(self.port, "purge", None)
+        if purge is not None:
+            purge()
+        pending: Any = getattr(self.port, "pending", None)
+        return pending is None or pending() == 0
+
+    def _accepts_again(self) -> None:
+        self.report(
+            f"CAN: congested: the transmit queue was full for {self._full_cycles} cycles; commands "
+            "were dropped meanwhile"
+        )
+        self._full_cycles = 0

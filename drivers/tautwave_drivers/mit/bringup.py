@@ -1,0 +1,255 @@
+"""Checks and settings before torque: the right motor, off, healthy, in MIT mode, watched.
+
+All that is set is in RAM, is written at every start and read back. Nothing is saved in a motor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.errors import DeviceFault, DriverError
+from tautwave_drivers.mit import damiao
+from tautwave_drivers.mit.damiao import Feedback, Register
+from tautwave_drivers.mit.options import MitOptions, Motor, Scale, scale_of
+from tautwave_drivers.mit.registers import Registers
+from tautwave_drivers.turns import turns_back
+
+CLOSE = 1e-3
+"""Relative difference of a range that is rounding of a rig file, not another range."""
+
+
+class Found(NamedTuple):
+    """What a motor is and how it was set.
+
+    `scale` has its own ranges and the turns that its position was taken back by; `watchdog_s`, None
+    where `unwatched` says what it does instead.
+    """
+
+    scale: Scale
+    identity: dict[str, str]
+    watchdog_s: float | None
+    unwatched: str
+
+
+def timeout_counts(options: MitOptions) -> int:
+    """Return the rig's `watchdog_s` in counts of TIMEOUT."""
+    return round(options.watchdog_s / damiao.TIMEOUT_S)
+
+
+class Bringup:
+    """Brings the motors of one bus to where torque may be switched on.
+
+    Parameters
+    ----------
+    registers : Registers
+        Transactions with them.
+    options : MitOptions
+        The bus' options.
+    bus : BusSpec
+        What is allowed.
+    notes : list of str
+        Takes what was found and set.
+    """
+
+    def __init__(
+        self, registers: Registers, options: MitOptions, bus: BusSpec, notes: list[str]
+    ) -> None:
+        self._registers = registers
+        self._options = options
+        self._bus = bus
+        self._notes = notes
+
+    def run(self, motors: Sequence[Motor]) -> list[Found]:
+        """Check and set all motors.
+
+        Raises
+        ------
+        DeviceFault
+            A motor reports an error.
+        DriverError
+            A motor is missing, not the expected one, twice there, or does not take what is set.
+        """
+        self._meet(motors)
+        return [self._prepare(*pair) for pair in zip(self._bus.axes, motors, strict=True)]
+
+    def _meet(self, motors: Sequence[Motor]) -> None:
+        """Hear every motor once; say of all that are silent that they are."""
+        silent: list[str] = []
+        heard: list[str] = []
+        for axis, motor in zip(self._bus.axes, motors, strict=True):
+            number = self._registers.read(motor.id, motor.feedback_id, damiao.ESC_ID)
+            who = f"{axis.name} (motor {motor.id})"
+            (heard if number is not None else silent).append(who)
+            if number is None and self._registers.read(motor.id, 0, damiao.ESC_ID) is not None:
+                raise DriverError(
+                    f"{self._where(axis, motor)}: answers with id 0, where all new motors do, so "
+                    f"none can be told from another; set its MST_ID (register 7) to "
+                    f"{motor.feedback_id:#x} in the maker's tool"
+                )
+        if silent:
+            others = f"; {', '.join(heard)} answered" if heard else ""
+            raise DriverError(
+                f"bus {self._bus.name}: no answer from {', '.join(silent)}{others}; check power, "
+                "cable, termination and bit rate, and the ids with: tautwave scan mit --interface "
+                f"{self._options.interface} --channel {self._options.channel}"
+            )
+
+    def _prepare(self, axis: AxisSpec, motor: Motor) -> Found:
+        where = self._where(axis, motor)
+        answers = self._registers.answers(motor.id, motor.feedback_id, damiao.ESC_ID)
+        if len(answers) > 1:
+            raise DriverError(
+                f"{where}: {len(answers)} motors answer to this id; give each its own (ESC_ID, "
+                "register 8) with the others' power off"
+            )
+        said = self._switched_off(where, motor)
+        self._same(where, motor)
+        scale = self._scale(where, motor)
+        turned = self._turned(where, axis, motor, scale, said)
+        self._put(where, motor, damiao.CTRL_MODE, damiao.MIT_MODE)
+        watchdog_s, unwatched = self._watch(where, motor)
+        identity = self._identity(where, motor)
+        return Found(turned, identity, watchdog_s, unwatched)
+
+    def _switched_off(self, where: str, motor: Motor) -> Feedback:
+        """Switch it off, and see that it says so; clear its error where that is asked for."""
+        said = self._registers.told(motor.id, motor.feedback_id, damiao.DISABLE)
+        if said is not None and said.state not in (damiao.DISABLED, damiao.ENABLED):
+            text = damiao.state_text(said.state)
+            if said.state != damiao.TIMED_OUT and not self._options.clear_errors:
+                raise DeviceFault(
+                    f"{where}: {text}; remove the cause, then set clear_errors: true in the bus' "
+                    "options, or switch its power off and on"
+                )
+            self._registers.told(motor.id, motor.feedback_id, damiao.CLEAR)
+            said = self._registers.told(motor.id, motor.feedback_id, damiao.DISABLE)
+            self._notes.append(f"{where}: {text}; cleared")
+        if said is None:
+            raise DriverError(
+                f"{where}: answers about registers, but says nothing of itself when it is switched "
+                "off; update its firmware"
+            )
+        if said.state != damiao.DISABLED:
+            raise DeviceFault(
+                f"{where}: {damiao.state_text(said.state)}, and disable does not change that; "
+                "switch its power off and on"
+            )
+        return said
+
+    def _same(self, where: str, motor: Motor) -> None:
+        """Compare the ids that the motor itself has."""
+        for register, stated, key in (
+            (damiao.ESC_ID, motor.id, "id"),
+            (damiao.MST_ID, motor.feedback_id, "feedback_id"),
+        ):
+            found = self._need(motor, register)
+            if found != stated:
+                raise DriverError(
+                    f"{where}: {register} reads {found:.0f}, but the rig states {key}: {stated}; "
+                    "correct options.motors, or set the register in the maker's tool"
+                )
+
+    def _scale(self, where: str, motor: Motor) -> Scale:
+        """Return the scale by the motor's own ranges; refuse a rig that states others."""
+        ranges = {}
+        for register, key in (
+            (damiao.P_MAX, "p_max"), (damiao.V_MAX, "v_max"), (damiao.T_MAX, "t_max")
+        ):  # fmt: skip
+            found, stated = self._need(motor, register), getattr(motor, key)
+            if not abs(found - stated) <= CLOSE * stated:
+                raise DriverError(
+                    f"{where}: {register} reads {found:.6g}, but the rig states {key}: "
+                    f"{stated:g}; every number would be wrong by that ratio: write {key}: "
+                    f"{found:.6g} if this is the right motor"
+                )
+            ranges[key] = found
+        return scale_of(motor.model_copy(update=ranges))
+
+    def _turned(
+        self, where: str, axis: AxisSpec, motor: Motor, scale: Scale, said: Feedback
+    ) -> Scale:
+        """Take a position back by whole turns that the motor lost with its power."""
+        position = scale.position_of(said.position)
+        turns = turns_back(position, axis.position_range)
+        low, high = axis.position_range
+        if not turns:
+            raise DriverError(
+                f"{where}: it is at {position:.4g} rad, outside position_range {low:g} to "
+                f"{high:g}, and no whole number of turns is inside; move it there by hand, or "
+                "correct zero"
+            )
+        if turns[0] == 0:
+            return scale
+        if len(turns) > 1:
+            raise DriverError(
+                f"{where}: it is at {position:.4g} rad, outside position_range {low:g} to "
+                f"{high:g}, which holds it after {' or '.join(str(one) for one in turns)} turns: "
+                "move it well inside by hand, then switch its power off and on"
+            )
+        self._notes.append(
+            f"{where}: its encoder counts one turn only; taken for {turns[0]:+d} turns further, "
+            f"{position + turns[0] * math.tau:.4g} rad, the only place in position_range"
+        )
+        shift = turns[0] * math.tau
+        return scale._replace(zero=scale.zero - motor.direction * shift)
+
+    def _watch(self, where: str, motor: Motor) -> tuple[float | None, str]:
+        """Set TIMEOUT and read it back; say what happens where that cannot be done."""
+        counts = timeout_counts(self._options)
+        found = self._registers.set(motor.id, motor.feedback_id, damiao.TIMEOUT, counts)
+        if found == counts:
+            seconds = counts * damiao.TIMEOUT_S
+            self._notes.append(
+                f"{where}: switches its torque off after {seconds:g} s without a frame "
+                f"({damiao.TIMEOUT} = {counts}, written and read back; kept until power off)"
+            )
+            return seconds, ""
+        if not self._bus.allow_unwatched:
+            raise DriverError(
+                f"{where}: {damiao.TIMEOUT} reads {found:.0f} after {counts} was written, so it "
+                "would keep its last torque if the host stops; update its firmware, or run with "
+                "--allow-unwatched"
+            )
+        return None, (
+            f"(motor {motor.id}) keeps its last torque: {damiao.TIMEOUT} reads {found:.0f}"
+        )
+
+    def _identity(self, where: str, motor: Motor) -> dict[str, str]:
+        version = f"{self._need(motor, damiao.SOFTWARE):.0f}"
+        gear, rotor = self._need(motor, damiao.GEAR), self._need(motor, damiao.INERTIA)
+        volts = self._registers.read(motor.id, motor.feedback_id, damiao.VOLTAGE)
+        supply = "" if volts is None else f", {volts:.1f} V"
+        self._notes.append(
+            f"{where}: firmware {version}, gear {gear:g}, rotor {rotor:.3g} kg m^2{supply}"
+        )
+        return {
+            "firmware": f"{version}.{self._need(motor, damiao.SUB_VERSION):.0f}",
+            "hardware": f"{self._need(motor, damiao.HARDWARE):.0f}",
+            "serial": f"{self._need(motor, damiao.SERIAL):.0f}",
+            "gear_ratio": f"{gear:g}",
+            "rotor_inertia": f"{rotor:.4g}",
+        }
+
+    def _put(self, where: str, motor: Motor, register: Register, value: float) -> None:
+        """Set a register unless it is so, and read it back."""
+        if self._need(motor, register) == value:
+            return
+        found = self._registers.set(motor.id, motor.feedback_id, register, value)
+        if found != value:
+            raise DriverError(
+                f"{where}: {register} reads {found:g} after {value:g} was written; update its "
+                "firmware, or set it in the maker's tool"
+            )
+        self._notes.append(f"{where}: {register} set to {value:g} (written and read back)")
+
+    def _need(self, motor: Motor, register: Register) -> float:
+        try:
+            return self._registers.need(motor.id, motor.feedback_id, register)
+        except DriverError as err:
+            raise type(err)(f"bus {self._bus.name}: {err}") from err
+
+    def _where(self, axis: AxisSpec, motor: Motor) -> str:
+        return f"bus {self._bus.name}: {axis.name} (motor {motor.id})"

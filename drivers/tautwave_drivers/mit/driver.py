@@ -1,0 +1,312 @@
+"""The driver the loop sees: MIT motors on one bus, each command a request and each answer a sample.
+
+A command that `write` takes goes out in the next `request`; the motor measures itself when it gets
+it, follows it from there on, and answers: one whole period, the declared command delay. The spring
+and the damper that the frame can also carry are zero.
+
+What an answer lacks is a number. One that came when its cycle was over is dropped before the next
+request, one that comes sooner after a request than the wire allows is an older one's. Every answer
+has the motor's state, which a power cycle changes: a motor that is not enabled is not driven on.
+"""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections.abc import Sequence
+from typing import Any
+
+from tautwave.contracts import BusSpec, Clock, FramePort, Row
+from tautwave.driver_base import DriverBase
+from tautwave.errors import DeviceFault, DriverError
+from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave_drivers.can.exchange import Exchange
+from tautwave_drivers.can.framing import Framing
+from tautwave_drivers.can.opening import open_port
+from tautwave_drivers.can.raw import RawPort
+from tautwave_drivers.mit import damiao
+from tautwave_drivers.mit.axis import MISSING, Axis
+from tautwave_drivers.mit.bringup import Bringup, timeout_counts
+from tautwave_drivers.mit.enabling import Enabling
+from tautwave_drivers.mit.leaving import leave, leave_again
+from tautwave_drivers.mit.options import MitOptions, motors_of
+from tautwave_drivers.mit.registers import Registers
+
+SHORTEST_BITS = 108
+"""Of a classic frame with 8 bytes, without a stuffed bit and the pause after it."""
+SHORTEST_FD = 27, 92
+"""The same of an FD frame, at the nominal and at the data rate."""
+WINDOW_S = 1.0
+KEEP_ALIVE_SHARE = 0.25
+"""Share of the motors' watchdog between two frames while other buses are enabling."""
+
+
+def shortest_ns(options: MitOptions) -> int:
+    """Return the least time on the wire of a command and its answer [ns]."""
+    if options.data_bitrate is None:
+        return round(2e9 * SHORTEST_BITS / options.bitrate)
+    nominal, fast = SHORTEST_FD
+    return round(2e9 * (nominal / options.bitrate + fast / options.data_bitrate))
+
+
+class MitDriver(DriverBase):
+    """Driver of the MIT motors on one CAN bus.
+
+    Parameters
+    ----------
+    options : MitOptions
+        The bus' options.
+    bus : BusSpec
+        Its axes.
+    clock : Clock
+        What waits.
+    transport : FramePort, socket or None
+        The simulated bus, or a datagram socket that carries SocketCAN's frames; None to open the
+        real one in `open`.
+
+    Raises
+    ------
+    ConfigError
+        The axes do not go with the motors.
+    """
+
+    command_delay = CommandDelay(1, 0.0)
+
+    def __init__(self, options: MitOptions, bus: BusSpec, clock: Clock, transport: Any) -> None:
+        super().__init__(bus)
+        self._options = options
+        self._clock = clock
+        self._now = clock.now_ns
+        self._transport = transport
+        self._motors = motors_of(options, bus)
+        self._axes = [Axis(*pair) for pair in zip(bus.axes, self._motors, strict=True)]
+        self._places = {axis.motor.feedback_id: at for at, axis in enumerate(self._axes)}
+        self._exchange: Exchange | None = None
+        self._enabling: Enabling | None = None
+        self._armed: list[int | None] = [timeout_counts(options)] * len(self._axes)
+        self._efforts = [0.0] * len(self._axes)
+        self._asked_ns = 0
+        self._shortest_ns = 0
+        self._window = max(2, round(WINDOW_S * bus.rate_hz))
+        self._cycle = 0
+        self._failure: DriverError | None = None
+        seconds = timeout_counts(options) * damiao.TIMEOUT_S
+        self.watchdog_s = {axis.name: seconds for axis in bus.axes}
+        self.columns = [
+            f"{axis.name}.{what}"
+            for axis in bus.axes
+            for what in ("motor_effort", "driver_temperature", "rotor_temperature")
+        ]
+
+    # -- before and after ---------------------------------------------------------------------
+
+    def _bring_up(self) -> None:
+        """Open the bus, check and set every motor with its torque off; see `Bringup`."""
+        port = self._connect()
+        self._attach(port)
+        registers = Registers(port, self._clock)
+        found = Bringup(registers, self._options, self._bus, self.notes).run(self._motors)
+        self._classic(port)
+        for axis, one in zip(self._axes, found, strict=True):
+            axis.scale = one.scale
+            self.identities[axis.spec.name] = one.identity
+        names = [axis.name for axis in self._bus.axes]
+        self.watchdog_s = {
+            name: one.watchdog_s
+            for name, one in zip(names, found, strict=True)
+            if one.watchdog_s is not None
+        }
+        self.unwatched = {
+            name: one.unwatched for name, one in zip(names, found, strict=True) if one.unwatched
+        }
+        counts = timeout_counts(self._options)
+        self._armed = [None if one.watchdog_s is None else counts for one in found]
+        self._shortest_ns = shortest_ns(self._options)
+        if registers.quickest_ns is not None and registers.quickest_ns < self._shortest_ns:
+            self._shortest_ns = 0
+            self.notes.append(
+                f"bus {self._bus.name}: answers come faster than the bit rate allows, so this is "
+                "not a real wire; late ones cannot be told apart"
+            )
+
+    def _classic(self, port: FramePort) -> None:
+        """Refuse motors that answer in classic CAN on a bus of FD."""
+        classic = getattr(port, "classic_ids", ())
+        wrong = [f"{a.spec.name} ({a.label})" for a in self._axes if a.motor.feedback_id in classic]
+        if wrong:
+            raise DriverError(
+                f"bus {self._bus.name}: {', '.join(wrong)} answered in classic CAN to CAN FD; set "
+                f"{damiao.CAN_RATE} to 9 (5 Mbit/s) in the maker's tool, or remove data_bitrate"
+            )
+
+    def _connect(self) -> FramePort:
+        ids = frozenset((0, *(motor.feedback_id for motor in self._motors)))
+        framing = Framing(self._options.data_bitrate, ids=ids)
+        if isinstance(self._transport, socket.socket):
+            return RawPort(self._transport.dup(), self._clock, self._bus.name, framing)
+        if self._transport is not None:
+            port: FramePort = self._transport
+            return port
+        try:
+            return open_port(self._options, self._clock, framing)
+        except DriverError as err:
+            raise DriverError(f"bus {self._bus.name}: {err}") from err
+
+    def _attach(self, port: FramePort) -> None:
+        for axis in self._axes:
+            axis.reset()
+        self._failure = None
+        self._efforts = [0.0] * len(self._axes)
+        self._exchange = Exchange(port, self._clock, self._hear)
+
+    def attach(self, port: FramePort) -> None:
+        """Take a port with motors taken for enabled, without a frame: to measure a cycle."""
+        self._attach(port)
+        self._opened = self._on = True
+
+    def _enable(self) -> bool:
+        """Switch torque on and verify it; then keep the watchdogs fed."""
+        assert self._exchange is not None
+        if self._enabling is None:
+            self._enabling = Enabling(
+                self._exchange,
+                self._clock,
+                self._axes,
+                self._armed,
+                self._bus,
+                max(
+                    round(KEEP_ALIVE_SHARE * self._options.watchdog_s * 1e9),
+                    2 * self._bus.period_ns,
+                ),
+            )
+        done = self._enabling.step()
+        if self._failure is not None:
+            raise self._failure
+        self._on = self._on or done
+        return done
+
+    # -- the cycle ----------------------------------------------------------------------------
+
+    def _hear(self, can_id: int, data: bytes, arrival_ns: int) -> bool:
+        """Take a frame; whether it was an answer that is missing in this cycle."""
+        at = self._places.get(can_id)
+        if at is None:
+            return False
+        axis = self._axes[at]
+        if self._on and arrival_ns - self._asked_ns < self._shortest_ns:
+            axis.late += damiao.feedback(data, axis.motor.id) is not None
+            return False
+        if not axis.take(data, arrival_ns):
+            if self._enabling is not None and not self._on:
+                try:
+                    self._enabling.heard(at, data)
+                except DeviceFault as err:
+                    self._failure = err
+            return False
+        was_fresh, axis.fresh = axis.fresh, True
+        return not was_fresh
+
+    def request(self) -> None:
+        """Send every motor its command, which is the request of its sample."""
+        exchange = self._exchange
+        if exchange is None:
+            return
+        before = [axis.fresh for axis in self._axes]
+        ready = exchange.begin()
+        for axis, was_fresh in zip(self._axes, before, strict=True):
+            axis.late += axis.fresh and not was_fresh
+            axis.fresh = False
+        self._asked_ns = self._now()
+        self._cycle += 1
+        if not ready:
+            return
+        for axis, effort in zip(self._axes, self._efforts, strict=True):
+            # Off, it is asked by being switched off again.
+            frame = axis.command(effort) if self._on else damiao.DISABLE
+            if exchange.send(axis.motor.id, frame):
+                exchange.missing += 1
+
+    def read(self, deadline_ns: int) -> Sequence[JointState]:
+        """Return the measured states; not valid where no answer came by the deadline."""
+        exchange = self._exchange
+        if exchange is None:
+            return [MISSING] * len(self._axes)
+        exchange.collect(deadline_ns)
+        if self._on:
+            self._judge(exchange)
+        now = self._now()
+        return [axis.joint_state(now) for axis in self._axes]
+
+    def _judge(self, exchange: Exchange) -> None:
+        """See whether each motor is still as it was set."""
+        if exchange.lost:
+            for axis in self._axes:
+                axis.fault = axis.fault or exchange.lost
+            if not self._failure:
+                self._failure = DriverError(exchange.lost)
+                self._faults.append(Fault("", exchange.lost, fatal=True))
+            return
+        for axis in self._axes:
+            text = axis.judge() if axis.fresh and not axis.fault else ""
+            if text:
+                axis.fault = text
+                self._faults.append(Fault(axis.spec.name, f"{axis.label}: {text}", fatal=True))
+        self._faults += [Fault("", text, fatal=False) for text in exchange.reports()]
+        if self._cycle % self._window == 0:
+            for axis in self._axes:
+                if 2 * axis.late > self._window:
+                    exchange.report(
+                        f"{axis.label}: most of the last {self._window} answers came when their "
+                        "cycle was over; check the bus load and the rate"
+                    )
+                axis.late = 0
+
+    def _take(self, commands: Sequence[AxisCommand]) -> None:
+        """Stage one command per axis for the next request."""
+        self._efforts = [command.effort for command in commands]
+
+    def fill(self, row: Row, at: int) -> None:
+        """Record torque [N m] and temperatures [degC] of each motor; NaN: no sample."""
+        for axis in self._axes:
+            row[at] = axis.torque if axis.fresh else math.nan
+            row[at + 1] = axis.driver_temperature if axis.fresh else math.nan
+            row[at + 2] = axis.rotor_temperature if axis.fresh else math.nan
+            at += 3
+
+    # -- the end ------------------------------------------------------------------------------
+
+    def disable(self) -> None:
+        """Torque zero, then off, until each motor says that it is."""
+        exchange = self._exchange
+        if exchange is None or not (self._on or self._enabling is not None):
+            return
+        self._on = False
+        self._enabling = None
+        self._efforts = [0.0] * len(self._axes)
+        self.unconfirmed = dict.fromkeys(self._names(), exchange.lost or "disable was not sent")
+        if not exchange.lost:
+            self.unconfirmed = leave(exchange.port, self._clock, self._axes)
+
+    def _end(self) -> None:
+        if self._exchange is not None and self.unconfirmed:
+            self.unconfirmed = leave_again(
+                self._clock, self._reconnect, self._axes, self.unconfirmed
+            )
+
+    def _reconnect(self) -> FramePort:
+        """Return the port, opened anew if it was lost."""
+        exchange = self._exchange
+        assert exchange is not None
+        if exchange.lost and exchange.port is not self._transport:
+            exchange.port.close()
+            self._exchange = exchange = Exchange(self._connect(), self._clock, self._hear)
+        return exchange.port
+
+    def _release(self) -> None:
+        self._enabling = None
+        exchange, self._exchange = self._exchange, None
+        if exchange is not None and exchange.port is not self._transport:
+            exchange.port.close()
+
+    def _names(self) -> list[str]:
+        return [axis.spec.name for axis in self._axes]

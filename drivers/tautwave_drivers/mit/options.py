@@ -1,0 +1,198 @@
+"""Options of a bus of MIT motors: the `options` block of a rig file, and what it means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
+from tautwave.errors import ConfigError
+from tautwave_drivers.can.keys import CanKeys
+from tautwave_drivers.mit import damiao
+
+Positive = Annotated[float, Field(gt=0.0)]
+StandardId = Annotated[int, Field(ge=1, le=0x7FF)]
+
+LEAST_PERIODS = 3
+"""Of the bus, that a motor's own watchdog has to wait: one late frame is no fault."""
+
+
+class Motor(BaseModel):
+    """One motor: its ids, and the ranges that its codes stand for."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    id: StandardId
+    """ESC_ID, register 8: what it listens to."""
+    feedback_id: StandardId
+    """MST_ID, register 7: what it answers with; its own, and not 0."""
+    p_max: Positive
+    """[rad] PMAX, register 21; compared."""
+    v_max: Positive
+    """[rad/s] VMAX, register 22; compared."""
+    t_max: Positive
+    """[N m] TMAX, register 23; compared."""
+    direction: Literal[1, -1] = 1
+    """-1 where the motor turns against the axis."""
+    zero: float = 0.0
+    """[rad] Position of the motor where the axis is at 0."""
+
+
+class MitOptions(CanKeys):
+    """Options of a bus of MIT motors."""
+
+    family: Literal["damiao"] = "damiao"
+    """Whose frames and registers."""
+    watchdog_s: Annotated[float, Field(ge=0.001, le=10.0)] = 0.1
+    """[s] TIMEOUT, register 9: a motor that hears nothing for that long switches its torque off.
+    Written at every start, until its power is switched off."""
+    clear_errors: bool = False
+    """Clear an error that a motor reports at the start."""
+    reserve: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    """Share of the bus kept for others in the budget."""
+    motors: Annotated[tuple[Motor, ...], Field(min_length=1, strict=False)]
+    simulator: dict[str, Any] = Field(default_factory=dict)
+    """The simulator's own keys; a driver of hardware ignores them."""
+
+
+class Scale(NamedTuple):
+    """What one code of a motor is at the axis: [rad], [rad/s], [N m], each with its middle."""
+
+    position: float
+    velocity: float
+    torque: float
+    zero: float
+    direction: int
+
+    def position_of(self, code: int) -> float:
+        """Return the axis' position [rad]."""
+        at_motor = (code - 0.5 * damiao.POSITION_TOP) * self.position
+        return self.direction * (at_motor - self.zero)
+
+    def velocity_of(self, code: int) -> float:
+        """Return the axis' velocity [rad/s]."""
+        return self.direction * (code - 0.5 * damiao.TOP) * self.velocity
+
+    def torque_of(self, code: int) -> float:
+        """Return the torque on the axis [N m]."""
+        return self.direction * (code - 0.5 * damiao.TOP) * self.torque
+
+    def torque_code(self, effort: float, limit: float, upper: bool) -> int:
+        """Return the code of an effort [N m] of at most `limit`.
+
+        No code is zero: multiples of a step lie between two codes. Of these it is the `upper` one
+        or the lower one, so that who alternates has the multiple as the mean.
+        """
+        if not -limit <= effort <= limit:  # NaN too
+            effort = limit if effort > limit else -limit if effort < -limit else 0.0
+        exact = 0.5 * damiao.TOP + self.direction * effort / self.torque
+        code = math.floor(exact)
+        if exact - code > 0.75 or (exact - code > 0.25 and upper):
+            code += 1
+        return min(max(code, 0), damiao.TOP)
+
+
+def scale_of(motor: Motor) -> Scale:
+    """Return the scale of a motor with the ranges that its block states."""
+    return Scale(
+        2.0 * motor.p_max / damiao.POSITION_TOP,
+        2.0 * motor.v_max / damiao.TOP,
+        2.0 * motor.t_max / damiao.TOP,
+        motor.zero,
+        motor.direction,
+    )
+
+
+def motors_of(options: MitOptions, bus: BusSpec) -> list[Motor]:
+    """Return the motor of each axis, in the order of the axes.
+
+    Raises
+    ------
+    ConfigError
+        The block and the rig's axes do not match.
+    """
+    problems = [f"bus {bus.name}: {text}" for text in _ids_problems(options)]
+    known = {motor.id: motor for motor in options.motors}
+    least_s = LEAST_PERIODS / bus.rate_hz
+    if options.watchdog_s < least_s:
+        problems.append(
+            f"bus {bus.name}: watchdog_s {options.watchdog_s:g} is less than {LEAST_PERIODS} "
+            f"periods, so a late frame would switch the motors off; use at least {least_s:.3g}"
+        )
+    for axis in bus.axes:
+        motor = known.get(axis.device_id)
+        if motor is None:
+            listed = ", ".join(str(number) for number in sorted(known))
+            problems.append(
+                f"bus {bus.name}: {axis.name} has id {axis.device_id}, but options.motors lists "
+                f"only {listed}; add it there, with the ranges that `tautwave scan mit` shows"
+            )
+        elif problem := _axis_problem(axis, motor):
+            problems.append(f"bus {bus.name}: {axis.name}{problem}")
+    used = {axis.device_id for axis in bus.axes}
+    problems.extend(
+        f"bus {bus.name}: motor {number} in options.motors is not an axis of the rig; remove it "
+        "there"
+        for number in known
+        if bus.axes and number not in used
+    )
+    if problems:
+        raise ConfigError(problems)
+    return [known[axis.device_id] for axis in bus.axes]
+
+
+def _ids_problems(options: MitOptions) -> list[str]:
+    """Return what is wrong with the ids of a bus."""
+    ids = [motor.id for motor in options.motors]
+    feedback = [motor.feedback_id for motor in options.motors]
+    heard = {offset + number: number for number in ids for offset in damiao.OFFSETS}
+    problems = [
+        f"motor {number} is listed twice in options.motors"
+        for number in sorted({one for one in ids if ids.count(one) > 1})
+    ]
+    problems += [
+        f"two motors have feedback_id {number:#x}; give each its own (MST_ID, register 7, in the "
+        "maker's tool), such as its id + 16"
+        for number in sorted({one for one in feedback if feedback.count(one) > 1})
+    ]
+    for motor in options.motors:
+        if motor.feedback_id == damiao.PARAMETERS or motor.feedback_id in heard:
+            to = heard.get(motor.feedback_id)
+            why = "is that of register frames" if to is None else f"is a command to motor {to}"
+            problems.append(
+                f"motor {motor.id} answers with {motor.feedback_id:#x}, which {why}; give it "
+                "another MST_ID (register 7) in the maker's tool, such as its id + 16"
+            )
+    return problems
+
+
+def _axis_problem(axis: AxisSpec, motor: Motor) -> str:
+    """Return what of an axis does not go with its motor, '' if all does."""
+    if axis.kind != "rotary" or axis.causality != "impedance":
+        return (
+            f" is {axis.kind}, {axis.causality}; these motors take effort: use kind: rotary, "
+            "causality: impedance"
+        )
+    if axis.effort_sensor:
+        return " has an effort_sensor, but these motors read none; remove it"
+    if axis.effort_limit > motor.t_max and math.isfinite(axis.effort_limit):
+        return (
+            f": effort_limit {axis.effort_limit:g} is more than motor {motor.id} can be told, "
+            f"t_max {motor.t_max:g}; lower effort_limit"
+        )
+    ends = [motor.zero + motor.direction * end for end in axis.position_range]
+    if all(math.isfinite(end) for end in ends) and max(map(abs, ends)) >= motor.p_max:
+        return (
+            f": position_range reaches {max(ends, key=abs):.4g} rad of motor {motor.id}, whose "
+            f"positions end at p_max {motor.p_max:g}; narrow position_range, or correct zero"
+        )
+    return ""
+
+
+def facts(options: MitOptions, bus: BusSpec) -> Sequence[AxisFacts]:
+    """Return the steps of each axis' position and effort [rad], [N m]."""
+    scales = [scale_of(motor) for motor in motors_of(options, bus)]
+    return [AxisFacts(one.position, one.torque, 0.0) for one in scales]
