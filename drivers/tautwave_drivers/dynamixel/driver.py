@@ -19,13 +19,13 @@ from tautwave.contracts import BusSpec, BytePort, Clock, Row
 from tautwave.driver_base import DriverBase
 from tautwave.errors import DriverError
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
+from tautwave_drivers.adapter import USB_S, set_latency_timer
 from tautwave_drivers.causes import wrong_text
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits, watchdog_units
 from tautwave_drivers.dynamixel.enabling import Enabling
 from tautwave_drivers.dynamixel.exchange import Exchange, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
 from tautwave_drivers.dynamixel.leaving import leave, leave_again, torque_packet
-from tautwave_drivers.dynamixel.line.ftdi import set_latency_timer
 from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine, Response, ping_all
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos, with_shadows
 from tautwave_drivers.dynamixel.protocol import registers as reg
@@ -153,7 +153,8 @@ class DynamixelDriver(DriverBase):
                 f"bus {self._bus.name}: port: sim needs simulated servos, but this rig has none; "
                 "add a simulation block, or name a device"
             )
-        note = set_latency_timer(path, self._options.latency_s)
+        given_s = self._options.usb_latency_s
+        note = set_latency_timer(path, USB_S if given_s is None else given_s)
         if note:
             self.notes.append(note)
         try:

@@ -10,6 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave_drivers.adapter import adapter_of
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.models import MODELS, Model
 
@@ -38,9 +39,6 @@ WATCHED_PERIODS = 3
 
 LAST_ID = 252
 """Greatest id of a servo."""
-
-USB_LATENCY_S = 0.001
-"""Latency timer of a USB adapter as it should be set; FTDI's default is 0.016."""
 
 
 class ShadowOptions(BaseModel):
@@ -103,8 +101,8 @@ class DynamixelOptions(BaseModel):
     the indirect addresses; without it they are read when a servo raises its alert bit or nothing
     was heard of it for 20 ms."""
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
-    """[s] Latency timer of the USB adapter; 0: a real UART. Not given: 0.001 for /dev/ttyUSB*
-    and /dev/ttyACM*, 0 else."""
+    """[s] Latency timer of the USB adapter; 0: a real UART. Not given: of the device that `port`
+    leads to, 0.001 on USB where the timer may be set or there is none, 0 else."""
     return_delay_s: Annotated[float, Field(ge=0.0, le=508e-6)] = 0.0
     """[s] Return Delay Time(9) to set in the servos, in steps of 2 us."""
     watchdog_s: Annotated[float, Field(ge=0.02, le=2.54)] = 0.1
@@ -131,7 +129,7 @@ class DynamixelOptions(BaseModel):
         """[s] Latency timer of the adapter."""
         if self.usb_latency_s is not None:
             return self.usb_latency_s
-        return USB_LATENCY_S if self.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")) else 0.0
+        return adapter_of(self.port).latency_s
 
 
 class Servo(NamedTuple):

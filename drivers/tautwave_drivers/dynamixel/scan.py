@@ -10,13 +10,15 @@ from pydantic import BaseModel, Field
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import BytePort, Clock, ScanProgress, no_progress
 from tautwave.errors import ConfigError
-from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s
+from tautwave_drivers.adapter import adapter_of
 from tautwave_drivers.dynamixel.line.transactions import PacketLine, Protocol1Line, ping_all
 from tautwave_drivers.dynamixel.options import LAST_ID, STRICT, Protocol
 from tautwave_drivers.dynamixel.protocol import packet1
 from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.families import family_of
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, protocol1_text
-from tautwave_drivers.dynamixel.protocol.models import MODELS, VELOCITY_UNIT, model_name
+from tautwave_drivers.dynamixel.protocol.models import FIRST_NAMES, model_name
+from tautwave_drivers.dynamixel.protocol.registers import Register
 from tautwave_drivers.serial_port import SerialPort
 from tautwave_drivers.serial_ports import ports_found
 
@@ -25,6 +27,12 @@ LATENCY_S = 0.002
 
 HOST_S = 0.005
 """Of this machine, for each of the many unused ids in protocol 1.0."""
+
+FIRST_ID, FEETECH_ID = 3, 5
+"""Where a servo of protocol 1.0 has its id, and one of Feetech (SCS and STS series), which answers
+the same packets."""
+
+FEETECH = "no Dynamixel (a Feetech servo)"
 
 TRIES = 3
 """Pings of an id that was given; a busy host can miss a response."""
@@ -67,9 +75,8 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
     clock = MonotonicClock()
     bauds = [options.baud] if options.baud else list(reg.BAUDS.values())
     found: list[dict[str, Any]] = []
-    latency_s = latency_timer_s(options.port)
-    if latency_s is None:
-        latency_s = LATENCY_S
+    found_s = adapter_of(options.port).found_s
+    latency_s = LATENCY_S if found_s is None else found_s
     port = SerialPort(options.port, bauds[0])
     try:
         for at, baud in enumerate(bauds):
@@ -133,32 +140,36 @@ def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int
         "protocol": 2.0,
         "baud": baud,
     }
-    mode = line.read(device_id, reg.OPERATING_MODE.address, 1)
-    if mode is not None and mode.data:
-        row["mode"] = reg.MODES.get(mode.data[0], str(mode.data[0]))
-    delay = line.read(device_id, reg.RETURN_DELAY.address, 1)
-    if delay is not None and delay.data:
-        row["return_delay_us"] = 2 * delay.data[0]
-    second = line.read(device_id, reg.SECONDARY_ID.address, 1)
-    if second is not None and second.data and second.data[0] <= LAST_ID:
-        row["obeys_too"] = second.data[0]
-    model = MODELS.get(str(row["model"]))
-    if model is not None:
-        current = line.read(device_id, reg.CURRENT_LIMIT.address, 2)
-        if model.current_unit and current is not None and len(current.data) == 2:
-            counts = reg.CURRENT_LIMIT.decode(current.data)
-            row["current_limit"] = round(counts * model.current_unit, 3)
-        speed = line.read(device_id, reg.VELOCITY_LIMIT.address, 4)
-        if speed is not None and len(speed.data) == 4:
-            row["velocity_limit"] = round(reg.VELOCITY_LIMIT.decode(speed.data) * VELOCITY_UNIT, 2)
-    supply = line.read(device_id, reg.PRESENT_VOLTAGE.address, 3)
-    if supply is not None and len(supply.data) == 3:
-        row["voltage"] = round(0.1 * reg.PRESENT_VOLTAGE.decode(supply.data), 1)
-        row["temperature_degc"] = supply.data[2]
-    error = line.read(device_id, reg.HARDWARE_ERROR.address, 1)
     row["errors"] = "unknown"
-    if error is not None and error.data:
-        row["errors"] = hardware_text(error.data[0]) if error.data[0] else ""
+    family = family_of(number)
+    if family is None:
+        return row
+
+    def value(register: Register | None) -> int | None:
+        """Return what a register holds; None where there is none, or it does not tell."""
+        if register is None:
+            return None
+        found = line.read(device_id, register.address, register.size)
+        if found is None or len(found.data) != register.size:
+            return None
+        return register.decode(found.data)
+
+    if (mode := value(family.mode)) is not None:
+        row["mode"] = reg.MODES.get(mode, str(mode))
+    if (delay := value(family.return_delay)) is not None:
+        row["return_delay_us"] = 2 * delay
+    if (second := value(family.second_id)) is not None and second <= LAST_ID:
+        row["obeys_too"] = second
+    if (current := value(family.current_limit)) is not None:
+        row["current_limit"] = round(current * family.current_unit, 3)
+    if (speed := value(family.velocity_limit)) is not None:
+        row["velocity_limit"] = round(speed * family.velocity_unit, 2)
+    if (voltage := value(family.voltage)) is not None:
+        row["voltage"] = round(0.1 * voltage, 1)
+    if (temperature := value(family.temperature)) is not None:
+        row["temperature_degc"] = temperature
+    if (error := value(family.error)) is not None:
+        row["errors"] = hardware_text(error) if error else ""
     return row
 
 
@@ -170,17 +181,34 @@ def _protocol1_row(line: Protocol1Line, baud: int, device_id: int) -> dict[str, 
     if identity is None and found.error == packet1.PING:
         return None  # our own request: in this protocol an echoed ping looks like a response
     row: dict[str, Any] = {"id": device_id, "model": "unknown", "protocol": 1.0, "baud": baud}
-    if identity is not None:
-        number = reg.FIRST_MODEL_NUMBER.decode(identity.data)
-        row.update(model=model_name(number, 1.0), model_number=number, firmware=identity.data[2])
+    errors = protocol1_text(found.error) if found.error else ""
+    if identity is None:
+        return row | {"errors": errors}
+    number = reg.FIRST_MODEL_NUMBER.decode(identity.data)
+    ids = line.read(device_id, FIRST_ID, 3)
+    if (
+        ids is not None
+        and ids.data[0] != device_id
+        and ids.data[FEETECH_ID - FIRST_ID] == device_id
+    ):
+        # It answers like one, but its table has other things at the places of ours.
+        return row | {"model": FEETECH, "errors": "unknown"}
+    row.update(model=model_name(number, 1.0), model_number=number, firmware=identity.data[2])
+    if number in FIRST_NAMES:
+        row |= _protocol1_state(line, device_id)
+    return row | {"errors": errors}
+
+
+def _protocol1_state(line: Protocol1Line, device_id: int) -> dict[str, Any]:
     present = line.read(device_id, reg.FIRST_PRESENT.address, 8)
-    if present is not None:
-        data = present.data
-        load = int.from_bytes(data[4:6], "little")
-        row["position_counts"] = int.from_bytes(data[0:2], "little")
+    if present is None:
+        return {}
+    data = present.data
+    load = int.from_bytes(data[4:6], "little")
+    return {
+        "position_counts": int.from_bytes(data[0:2], "little"),
         # Bit 10 is the direction; 0.1 % of the greatest torque.
-        row["load_percent"] = round((-0.1 if load & 0x400 else 0.1) * (load & 0x3FF), 1)
-        row["voltage"] = round(0.1 * data[6], 1)
-        row["temperature_degc"] = data[7]
-    row["errors"] = protocol1_text(found.error) if found.error else ""
-    return row
+        "load_percent": round((-0.1 if load & 0x400 else 0.1) * (load & 0x3FF), 1),
+        "voltage": round(0.1 * data[6], 1),
+        "temperature_degc": data[7],
+    }

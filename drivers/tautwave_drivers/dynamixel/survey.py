@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.types import FoundBus, FoundDevice, Setting, Survey
+from tautwave_drivers.adapter import USB_S, adapter_of
 from tautwave_drivers.assumed import assumed_axis
-from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s
-from tautwave_drivers.dynamixel.options import USB_LATENCY_S
 from tautwave_drivers.dynamixel.protocol.models import CAVEAT, MODELS, Model
 from tautwave_drivers.dynamixel.scan import ScanOptions
 from tautwave_drivers.serial_ports import port_names
@@ -45,10 +44,10 @@ def _propose(options: ScanOptions, rows: Sequence[Mapping[str, Any]]) -> Sequenc
         "port": Setting(options.port, "a name in /dev/serial/by-id stays the same"),
         "baud": Setting(baud, "as the servos answered"),
     }
-    latency_s = latency_timer_s(options.port)
+    latency_s = adapter_of(options.port).found_s
     if latency_s is not None:
         given["usb_latency_s"] = Setting(
-            min(latency_s, USB_LATENCY_S), "of the adapter; `tautwave doctor` checks it"
+            min(latency_s, USB_S), "of the adapter; `tautwave doctor` checks it"
         )
     devices = [_device(row) for row in usable if row["baud"] == baud]
     notes += [

@@ -128,6 +128,7 @@ class ModbusDriver(DriverBase):
                 # It has confirmed that it is off.
                 self.unconfirmed.pop(name, None)
         refuse_differences(self._bus, settings)
+        self.notes += links.notes
         links.gather()
         self._try_exchange(links)
         self._enabling = self._new_enabling(links)

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave_drivers.adapter import adapter_of
 from tautwave_drivers.cia402.units import INT16, INT32, limit_counts
 from tautwave_drivers.modbus.profile import Profile, Register, load_profile
 from tautwave_drivers.modbus.protocol.registers import bounds
@@ -76,7 +77,8 @@ class ModbusOptions(Block):
     """[s] Silence between frames on a serial line; 3.5 characters, 1.75 ms above 19200 baud, if
     not given."""
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
-    """[s] Latency timer of the USB adapter; not given: 0.001 for /dev/ttyUSB* and /dev/ttyACM*."""
+    """[s] Latency timer of the USB adapter; not given: of the device that `endpoint` leads to,
+    0.001 on USB where the timer may be set or there is none, 0 else."""
     echo: bool = False
     """The adapter of a serial line returns what is sent, as some for RS-485 do: it is taken off."""
     late_s: Pause = 0.02
@@ -117,7 +119,9 @@ class ModbusOptions(Block):
         """[s] Latency timer of a USB adapter."""
         if self.usb_latency_s is not None:
             return self.usb_latency_s
-        return 1e-3 if self.endpoint.startswith(("/dev/ttyUSB", "/dev/ttyACM")) else 0.0
+        if self.link == "tcp" or self.endpoint == "sim" or self.endpoint.startswith(TCP):
+            return 0.0
+        return adapter_of(self.endpoint).latency_s
 
 
 class Scale(NamedTuple):

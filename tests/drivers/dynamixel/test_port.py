@@ -1,4 +1,4 @@
-"""Real file descriptors: a pty as the line, pulled out and put back; the latency timer in sysfs."""
+"""Real file descriptors: a pty as the line, pulled out and put back."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import sys
 import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -22,7 +21,6 @@ from tautwave.clock import MonotonicClock
 from tautwave.errors import DriverError
 from tautwave_drivers import serial_port
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
-from tautwave_drivers.dynamixel.line.ftdi import latency_timer_s, set_latency_timer
 from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_drivers.dynamixel.scan import ScanOptions, scan
 from tautwave_drivers.serial_port import SerialPort
@@ -230,34 +228,3 @@ def test_a_scan_reads_position_and_load_in_protocol_1() -> None:
     assert (one["id"], one["model"], one["protocol"]) == (3, "AX-12A", 1.0)
     assert 0 <= one["position_counts"] <= 1023
     assert one["load_percent"] == 0.0
-
-
-def test_the_latency_timer_is_set_or_its_remedy_reported(tmp_path: Path) -> None:
-    folder = tmp_path / "ttyUSB7"
-    folder.mkdir()
-    timer = folder / "latency_timer"
-    timer.write_text("16\n")
-    assert latency_timer_s("/dev/ttyUSB7", tmp_path) == 0.016
-    assert latency_timer_s("/dev/ttyAMA0", tmp_path) is None
-    reported = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
-    assert timer.read_text() == "1\n"
-    assert reported == "/dev/ttyUSB7: USB latency timer set from 16 to 1 ms"
-    assert set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path).endswith("latency timer 1 ms")
-    assert set_latency_timer("/dev/ttyAMA0", 0.001, tmp_path) == ""
-
-
-def test_a_latency_timer_that_may_not_be_set(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = tmp_path / "ttyUSB7"
-    folder.mkdir()
-    timer = folder / "latency_timer"
-    timer.write_text("16\n")
-
-    def refuse(*_: object, **__: object) -> int:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "write_text", refuse)
-    reported = set_latency_timer("/dev/ttyUSB7", 0.001, tmp_path)
-    assert "warning: USB latency timer 16 ms" in reported
-    assert f"echo 1 | sudo tee {timer}" in reported

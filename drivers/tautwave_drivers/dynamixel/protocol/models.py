@@ -95,10 +95,11 @@ _X = (
 MODELS = {model.name: model for model in _X}
 """The models that a rig can name."""
 
-_FIRST_NAMES = {
+FIRST_NAMES = {
     12: "AX-12A", 18: "AX-18A", 300: "AX-12W", 24: "RX-24F", 28: "RX-28", 64: "RX-64",
     107: "EX-106+", 29: "MX-28", 310: "MX-64", 320: "MX-106", 360: "MX-12W",
 }  # fmt: skip
+"""Models of protocol 1.0, which have their present values at the same addresses."""
 
 _OTHER_NAMES = {
     30: "MX-28(2.0)", 311: "MX-64(2.0)", 321: "MX-106(2.0)", 350: "XL-320", 1270: "XW430-T333",
@@ -111,7 +112,7 @@ _OTHER_NAMES = {
 def model_name(number: int, protocol: float = 2.0) -> str:
     """Return the name of a model number, `model N` if it is unknown here."""
     if protocol < 1.5:
-        return _FIRST_NAMES.get(number, f"model {number}")
+        return FIRST_NAMES.get(number, f"model {number}")
     for model in _X:
         if model.number == number:
             return model.name

@@ -9,6 +9,7 @@ from typing import Any
 from tautwave.contracts import BusSpec, Clock
 from tautwave.errors import BusTimeout, DriverError
 from tautwave.types import Fault
+from tautwave_drivers.adapter import USB_S, set_latency_timer
 from tautwave_drivers.modbus.line.client import wait_on
 from tautwave_drivers.modbus.line.link import Link
 from tautwave_drivers.modbus.line.ports import EpollGroup, PortGroup, TcpPort
@@ -44,6 +45,8 @@ class Links:
         One link per line or endpoint, with the drives behind it.
     faults : list of Fault
         What happened to the links; the reader clears it.
+    notes : list of str
+        What was set in an adapter.
     watching : bool
         Whether a link without any response is to be dropped.
     """
@@ -64,6 +67,7 @@ class Links:
         self._wait: Any = None
         self._down: dict[int, str] = {}
         self.faults: list[Fault] = []
+        self.notes: list[str] = []
         self.watching = False
         self.groups = self._make(stations)
 
@@ -96,7 +100,15 @@ class Links:
             )
         if endpoint.startswith(TCP):
             return lambda: TcpPort(endpoint)
-        return lambda: SerialPort(endpoint, options.baud, options.parity, options.stop_bits)
+        given_s = options.usb_latency_s
+
+        def open_port() -> SerialPort:
+            note = set_latency_timer(endpoint, USB_S if given_s is None else given_s)
+            if note and note not in self.notes:
+                self.notes.append(note)
+            return SerialPort(endpoint, options.baud, options.parity, options.stop_bits)
+
+        return open_port
 
     def connect(self, link: Link) -> None:
         """Connect, waiting as long as the options allow; raises `DriverError` if it fails."""
