@@ -11,6 +11,8 @@ from tests.foreign.cia402 import ForeignDrive, Key
 TICK_NS = 500_000
 """How often the drives look at their timers and motors."""
 OUT_NS, IN_NS = 120_000, 150_000
+LATER_NS = 400_000
+"""How much later a slower drive answers."""
 
 
 class ForeignBus:
@@ -36,6 +38,8 @@ class ForeignBus:
         **more: object,
     ) -> None:
         self._clock = clock
+        self.response_ns = IN_NS
+        """How long a response by SDO takes."""
         self.now_ns = clock.now_ns()
         self._next_tick = self.now_ns + TICK_NS
         self._order = itertools.count()
@@ -47,7 +51,12 @@ class ForeignBus:
         ]
 
     def _from_drive(self, can_id: int, data: bytes) -> None:
-        self._push(self.now_ns + IN_NS, False, can_id, data)
+        takes = self.response_ns if can_id & ~0x7F == 0x580 else IN_NS
+        self._push(self.now_ns + takes, False, can_id, data)
+
+    def late_from_drive(self, can_id: int, data: bytes) -> None:
+        """Take a frame of a slower drive."""
+        self._push(self.now_ns + IN_NS + LATER_NS, False, can_id, data)
 
     def _push(self, at_ns: int, outward: bool, can_id: int, data: bytes) -> None:
         heapq.heappush(self._queue, (at_ns, next(self._order), outward, can_id, bytes(data)))

@@ -120,6 +120,8 @@ class ForeignDrive:
         """[N m] of one in 6076h."""
         self.turns_torque = 1
         """-1: it tells its torque with the other sign."""
+        self.shows_mode = "always"
+        """When 6061h shows the mode: always, when enabled, never."""
         self.held = False
         """Somebody holds the shaft."""
         self.mute_of = self._muted = 0
@@ -221,7 +223,8 @@ class ForeignDrive:
         if index == 0x6041:
             return self.statusword()
         if index == 0x6061:
-            return self.value(0x6060)
+            shown = {"always": True, "never": False}.get(self.shows_mode, self.state == "enabled")
+            return self.value(0x6060) if shown else 0
         if index == 0x6064:
             return self.counts()
         if index == 0x6077:
@@ -269,6 +272,10 @@ class ForeignDrive:
             self.state = {"ready": "on", "enabled": "on"}.get(self.state, self.state)
         elif word & 0x0F == 0x0F:
             self.state = {"ready": "on", "on": "enabled"}.get(self.state, self.state)
+
+    def emergency(self, code: int) -> None:
+        """Send an EMCY."""
+        self._send(self.value(0x1014) & 0x7FF, struct.pack("<HB5x", code, 1))
 
     # -- PDOs and time ------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ from tautwave_drivers.cia402.states import MODE_BIT_12
 from tautwave_drivers.cia402.terms import Quirks, Timeouts
 from tautwave_drivers.cia402.units import INT16, INT32
 
+_HALF, _WHOLE = 1 << 31, 1 << 32
 _floor = math.floor
 _finite = math.isfinite
 
@@ -107,6 +108,7 @@ class Axis:
         quirks = Quirks(
             quick_stop_option=quick_stop_option,
             fault_resets=self.fault_resets,
+            mode_when_enabled=self.node.mode_display == "when_enabled",
             timeouts=Timeouts.at_rate(self.rate_hz),
         )
         return Machine(self.label, quirks)
@@ -124,6 +126,7 @@ class Axis:
         self.input_on = False
         self.input_ns = 0
         self.position = 0.0
+        self._counts = self._wraps = 0
         self.effort = self.motor_effort = math.nan
         self.sampled_ns = 0
         self.arrived_ns = 0
@@ -217,7 +220,11 @@ class Axis:
         self.fresh = True
         self.sampled_ns = sampled_ns
         self.arrived_ns = arrival_ns
-        self.position = reported[1] * self._position_step
+        counts = reported[1]
+        if not -_HALF <= counts - self._counts <= _HALF:  # past an end of its 32 bits
+            self._wraps += _WHOLE if counts < self._counts else -_WHOLE
+        self._counts = counts
+        self.position = (counts + self._wraps) * self._position_step
         if self.reports_motor:
             self.motor_effort = -reported[self._torque_at] * self._effort_step
         elif self._torque_at >= 0:

@@ -245,6 +245,12 @@ class CanopenDriver(DriverBase):
         self._health.faults = []
         return found
 
+    @property
+    def misses(self) -> dict[str, str]:
+        """Return what kept samples away, by axis: a transmit queue that is full."""
+        why = self._health.stopped_by()
+        return {axis.spec.name: why for axis in self._axes if not axis.fresh} if why else {}
+
     def witness(self, name: str) -> tuple[float, float]:
         """Return what a drive says of velocity and motor effort, read from now on."""
         (axis,) = (axis for axis in self._axes if axis.spec.name == name)

@@ -20,6 +20,8 @@ from tautwave_drivers.cia402.emergency import decode_emergency
 SYNC_ID = 0x80
 BOOT_UP, OPERATIONAL = 0, 5
 NODE_STATES = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
+MANUFACTURERS = 0xFF00
+"""EMCY codes from here on are the manufacturer's own (CiA 301, 7.2.7.1)."""
 DEAD_CYCLES, DEAD_BEATS = 5, 1.5
 """Cycles and heartbeats with a full queue and nothing received that mean a dead bus."""
 
@@ -29,6 +31,18 @@ def state_text(state: int | None) -> str:
     if state is None:
         return "no heartbeat yet"
     return NODE_STATES.get(state, f"state {state}")
+
+
+def queue_remedy(options: CanopenOptions) -> str:
+    """Return what to do about a transmit queue that is full."""
+    check = f"check cable, termination, power and bit rate (here {options.bitrate})"
+    if options.interface != "socketcan" or options.channel.startswith(("vcan", "vxcan")):
+        return check
+    where = options.channel
+    return (
+        f"{check}, and that it has room: ip link set {where} txqueuelen 100 (ip -details link show "
+        f"{where} has length and rate; ip link set {where} type can bitrate {options.bitrate})"
+    )
 
 
 class Health:
@@ -146,7 +160,13 @@ class Health:
         ):
             axis.errors.append(Fault(axis.spec.name, f"{axis.label}: EMCY {reported.text}", False))
         else:
-            axis.fail(f"EMCY {reported.text}", self._options.stop)
+            hint = ""
+            if reported.code >= MANUFACTURERS:
+                hint = (
+                    "; where the drive's manual calls it a warning, add "
+                    f"0x{reported.code:X} to tolerated_emergencies of the bus"
+                )
+            axis.fail(f"EMCY {reported.text}{hint}", self._options.stop)
 
     def _mode_display(self, axis: Axis, data: bytes) -> None:
         if data[0] == 0x4F:  # one byte, expedited (CiA 301, 7.2.4.3.6)
@@ -195,7 +215,7 @@ class Health:
         if self.received == self._received_then and self.full_cycles > self._dead_cycles:
             self.lose(
                 f"CAN: dead bus: the transmit queue has been full for {self.full_cycles} cycles "
-                "and nothing is received; check cable, termination, power and bit rate"
+                f"and nothing is received; {queue_remedy(self._options)}"
             )
             return False
         purge: Any = getattr(port, "purge", None)
@@ -203,6 +223,15 @@ class Health:
             purge()
         pending: Any = getattr(port, "pending", None)
         return pending is None or pending() == 0
+
+    def stopped_by(self) -> str:
+        """Return what of the bus stopped its samples, '' where nothing did."""
+        if not self.full_cycles:
+            return ""
+        return (
+            f"the CAN transmit queue was full for {self.full_cycles} cycles; "
+            f"{queue_remedy(self._options)}"
+        )
 
     def rearmed(self) -> None:
         """Report that the queue accepts frames again."""

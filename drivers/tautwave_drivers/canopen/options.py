@@ -110,6 +110,9 @@ class Node(Block):
     ] = ()
     """Objects of the DCF that are written although they are left out, such as `2003:01`."""
     mapping: Literal["lean", "full"] = "full"
+    mode_display: Literal["always", "when_enabled"] = "always"
+    """When 6061h shows the mode: with `when_enabled` it is compared once the drive is enabled,
+    which has no torque before."""
     enable_input: Annotated[int, Field(ge=0, le=31)] | None = None
     """Bit of the digital inputs (60FDh) that a dead-man switch sets: an operated rig engages only
     while it is on."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -73,7 +74,7 @@ def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mappin
     """Read the device type of every id, listen, then read the objects of those found."""
     from tautwave_drivers.canopen.bus.network import PolledNetwork
 
-    answered: set[int] = set()
+    answered: Counter[int] = Counter()
     states: dict[int, int] = {}
     emergencies: dict[int, int] = {}
 
@@ -82,7 +83,7 @@ def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mappin
         if not node:  # 0 addresses all nodes, so it is not an id (CiA 301, 7.3.5)
             return
         if service == 0x580:
-            answered.add(node)
+            answered[node] += 1
         elif service == 0x700 and data:
             states[node] = data[0] & 0x7F
         elif service == 0x80:
@@ -100,13 +101,13 @@ def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mappin
                 pass
     net.listen(end)
     return [
-        _row(net, node, states.get(node), emergencies.get(node), node in answered)
-        for node in sorted(answered | set(states))
+        _row(net, node, states.get(node), emergencies.get(node), answered[node])
+        for node in sorted(set(answered) | set(states))
     ]
 
 
 def _row(
-    net: Any, node: int, state: int | None, emergency: int | None, answers: bool
+    net: Any, node: int, state: int | None, emergency: int | None, answers: int
 ) -> dict[str, Any]:
     row: dict[str, Any] = {"node": node, "nmt": state_text(state)}
     if not answers:
@@ -148,6 +149,8 @@ def _row(
         errors.append(error_text(code))
     if isinstance(register, int) and register:
         errors.append(f"register: {register_text(register)}")
+    if answers > 1:
+        errors.append(f"{answers} responses to one request: two nodes have this id")
     if emergency:
         errors.append(f"EMCY {error_text(emergency)}")
     errors += [f"response to {entry.address} {entry.name} never ends" for entry in endless]

@@ -43,6 +43,9 @@ ABORT_CODES = {
 NOT_NOW = frozenset((0x05040000, 0x05040005, 0x06060000, 0x08000020, 0x08000021, 0x08000022))
 """Those that say of an object that was read neither that it exists nor that it does not."""
 
+NO_OBJECT = frozenset((0x06020000, 0x06090011))
+"""Those that say that there is no such object, or no such sub-index."""
+
 _REMEDIES = {
     0x05040000: "check that the node is powered, its id and the bit rate",
     0x06010002: "omit it from the rig: this drive fixes the value",

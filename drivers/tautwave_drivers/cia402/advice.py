@@ -21,7 +21,8 @@ _LOOK = {
     ),
     State.READY: "check the power supply, its contactor and the charging of the DC link",
     State.SWITCHED_ON: (
-        "check STO, the brake, commutation, and the interpolation period 60C2h against SYNC"
+        "check STO, the brake (60FEh may hold it), commutation, and the interpolation period 60C2h "
+        "against SYNC"
     ),
     State.OPERATION_ENABLED: "check that 6040h still reaches the drive",
     State.QUICK_STOP_ACTIVE: "check the quick stop input and option 605Ah",
@@ -52,7 +53,13 @@ def hang_text(
     if state is State.SWITCHED_ON and display != mode:
         return (
             f"{text}: {mode_name(mode)} is requested in 6060h, but 6061h shows "
-            f"{mode_name(display)}; check that 6502h has the mode, halt is off and 6060h is written"
+            f"{mode_name(display)}; check that 6502h has the mode, halt (bit 8) is off and 6060h "
+            "is written; a drive that shows it only once enabled takes mode_display: when_enabled"
+        )
+    if state is State.OPERATION_ENABLED and display != mode:
+        return (
+            f"{text}: {mode_name(mode)} is requested in 6060h, but 6061h still shows "
+            f"{mode_name(display)}; check that 6502h has the mode and that 6061h can be read"
         )
     if state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         if not statusword & REMOTE:

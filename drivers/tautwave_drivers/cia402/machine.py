@@ -256,8 +256,10 @@ class Machine:
             if confirmed and self._armed and state is State.OPERATION_ENABLED:
                 self.done = self._repeat.over(now)
                 return s.ENABLE_OPERATION
+            if self._may_show_late(state):
+                return self._await_display(now)
         step = ROUTES[self._route][state]
-        if step.transition == 4 and not confirmed:
+        if step.transition == 4 and not confirmed and not self._may_enable_unshown():
             step = AWAIT_MODE
         timeouts, time = self.quirks.timeouts, now - self._entered
         self.done = step.reached
@@ -275,6 +277,21 @@ class Machine:
         if step.pause is not None:
             return self._repeat.word(state, step.command, step.pause, time, now)
         return step.command
+
+    def _may_enable_unshown(self) -> bool:
+        """Whether a drive that shows no mode before may be enabled, with the mode written."""
+        shown = self._display in (None, int(Mode.NONE))
+        return self.quirks.mode_when_enabled and shown and self.mode_wanted == self._mode
+
+    def _may_show_late(self, state: State) -> bool:
+        return self._armed and state is State.OPERATION_ENABLED and self._may_enable_unshown()
+
+    def _await_display(self, now: int) -> int:
+        """Stay enabled, with safe targets, until 6061h shows the mode or its time is over."""
+        self.done = False
+        if now - self._entered > self.quirks.timeouts.mode:
+            return self._give_up(self._hang(now - self._entered))
+        return s.ENABLE_OPERATION
 
     def _overdue(self, hang: str) -> int:
         """Take the consequence of a state that lasts too long; `hang` says which."""

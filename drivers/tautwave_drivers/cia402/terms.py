@@ -45,13 +45,15 @@ class Quirks(NamedTuple):
 
     `quick_stop_option` is 605Ah as read, None if unknown; `resume` allows transition 16 where that
     option lets the drive rest in QUICK STOP ACTIVE; `fault_resets` is how often a fault may be
-    reset until the goal is reached (some drives need two), 0 for never.
+    reset until the goal is reached (some drives need two), 0 for never; `mode_when_enabled`: 6061h
+    shows the mode only in OPERATION ENABLED, and is confirmed there, with safe targets until then.
     """
 
     quick_stop_option: int | None = None
     resume: bool = False
     fault_resets: int = 3
     timeouts: Timeouts = Timeouts()
+    mode_when_enabled: bool = False
 
 
 class Event(NamedTuple):

@@ -31,9 +31,9 @@ class Foreign(NamedTuple):
     def drive(self) -> ForeignDrive:
         return self.bus.drives[0]
 
-    def enable(self) -> None:
+    def enable(self, most: int = 500) -> None:
         self.driver.open()
-        for _ in range(500):
+        for _ in range(most):
             if self.driver.enable_step():
                 return
             self.clock.sleep_until(self.clock.now_ns() + round(1e9 / RATE_HZ))

@@ -113,8 +113,11 @@ def test_what_is_temporary_is_never_stored(tmp_path: Path) -> None:
     stored = rig.drive.stored
     assert [stored[key] for key in TEMPORARY] == [3000, 0, 0]
     assert (stored[WINDOW], stored[0x6007, 0], stored[0x1017, 0]) == (2000, 2, 20)
-    (said,) = [note for note in rig.driver.notes if "settings stored" in note]
-    assert said.endswith(": 6065:00, 60C2:01, 1017:00, 6007:00, 1A00:00, 1600:00")
+    (said, after) = [note for note in rig.driver.notes if "stored (1010:01)" in note]
+    assert after.endswith("settings stored (1010:01)")  # what is stored is listed before
+    assert said.endswith(
+        " to be stored (1010:01): 6065:00, 60C2:01, 1017:00, 6007:00, 1A00:00, 1600:00"
+    )
     assert [rig.drive.values[key] for key in TEMPORARY] == [3000, 0, 0]  # given back
 
 

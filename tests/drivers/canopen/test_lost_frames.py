@@ -140,7 +140,7 @@ def test_a_seeded_storm_never_raises_and_repeats_itself(kind: str) -> None:
 
 
 def test_bring_up_survives_lost_frames() -> None:
-    rig = make(with_faults(lost=0.03), mass=0.1)
+    rig = make(with_faults(lost=0.02), mass=0.1)
     rig.driver.open()
     assert any("responds to SYNC" in note for note in rig.driver.notes)
     assert rig.clock.now_ns() > 600_000_000  # it waited for more than one answer in vain

@@ -23,10 +23,12 @@ from tautwave.device_settings import DeviceSettings, SettingRefusedError
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave_drivers.canopen.files.reading import Setting
 from tautwave_drivers.cia402 import communication, objects
-from tautwave_drivers.cia402.aborts import NOT_NOW, abort_text
+from tautwave_drivers.cia402.aborts import NO_OBJECT, NOT_NOW, abort_text
 from tautwave_drivers.cia402.entry import Entry, pack, unpack
 
 _RETRIES = 3
+_SLOWEST = 4
+"""Response time-outs that a slow server may take: after each silence it is given twice as long."""
 _BATCH = 256
 """Frames between looks at the clock: a flood never leaves the queue empty."""
 _LONGEST = 20
@@ -71,7 +73,8 @@ class Responses:
     `until_ns` is when the transfer under way has to be complete, and `late` whether it was not:
     the library takes segments for as long as they come. `asked` are the bytes that name its object:
     what comes late for another one is dropped. The library would take its abort for this one's, and
-    an object that changes a sign would pass as absent.
+    an object that changes a sign would pass as absent. `twice` counts responses that nobody was
+    owed, as two nodes with one id give; not once a request was `repeated`, which is owed two.
     """
 
     def __init__(self, net: PolledNetwork) -> None:
@@ -80,15 +83,22 @@ class Responses:
         self.until_ns = 0
         self.late = False
         self.asked = _UNNAMED
+        self.twice = 0
+        self.repeated = False
+        self._due = 0
 
     def put(self, item: bytes) -> None:
         """Take a response, unless it names another object; some aborts name none."""
+        self._due -= 1
+        if self._due < 0 and not self.repeated and item[0] >> 5 in _NAMING:
+            self.twice += 1
         if item[0] >> 5 not in _NAMING or item[1:4] in (self.asked, _UNNAMED):
             self._items.append(item)
 
     def empty(self) -> bool:
         """Forget late responses before a new request; always True then."""
         self._items.clear()
+        self._due = 1
         return True
 
     def get(self, block: bool = True, timeout: float = 0.0) -> bytes:
@@ -107,8 +117,11 @@ class Responses:
 class PolledNetwork(canopen.Network):
     """canopen's network over a frame port; `hear` gets every frame but SDO responses."""
 
-    def __init__(self, port: FramePort, clock: Clock, hear: Hear, timeout_s: float) -> None:
+    def __init__(
+        self, port: FramePort, clock: Clock, hear: Hear, timeout_s: float, queue: str = ""
+    ) -> None:
         super().__init__()
+        self._queue_remedy = queue or "check cable, termination, power and bit rate"
         self.port = port
         self.clock = clock
         self._hear = hear
@@ -122,8 +135,7 @@ class PolledNetwork(canopen.Network):
                 return
             self.clock.sleep_until(self.clock.now_ns() + _SENDING_NS)
         raise DriverError(
-            "the CAN transmit queue stays full: no frame is acknowledged; check cable, "
-            "termination, power and bit rate"
+            f"the CAN transmit queue stays full: no frame is acknowledged; {self._queue_remedy}"
         )
 
     def pump(self, deadline_ns: int) -> bool:
@@ -191,9 +203,28 @@ class RemoteDrive:
         self._net = net
         self._node = net.add_node(canopen.RemoteNode(node_id, built_in_dictionary()))
         client = self._node.sdo
-        client.RESPONSE_TIMEOUT = timeout_s
+        client.RESPONSE_TIMEOUT = self._timeout_s = timeout_s
         client.responses = self._responses = Responses(net)
         self._longest_ns = round(_LONGEST * timeout_s * 1e9)
+
+    @property
+    def answered_twice(self) -> int:
+        """Requests that got two responses."""
+        return self._responses.twice
+
+    @property
+    def slow_s(self) -> float | None:
+        """How long it may take to respond [s], where it took more than `sdo_timeout_s`."""
+        found: float = self._node.sdo.RESPONSE_TIMEOUT
+        return found if found > self._timeout_s else None
+
+    def lacks(self, entry: Entry) -> bool:
+        """Return whether the drive says that it does not have an object."""
+        try:
+            self.read(entry)
+        except AbortError as err:
+            return err.code in NO_OBJECT
+        return False
 
     @property
     def clock(self) -> Clock:
@@ -294,7 +325,12 @@ class RemoteDrive:
                 return transfer()
             except SdoCommunicationError:
                 if not left or self._responses.late:
+                    self._node.sdo.RESPONSE_TIMEOUT = self._timeout_s
                     raise
+                self._responses.repeated = True
+                client = self._node.sdo
+                most = _SLOWEST * self._timeout_s
+                client.RESPONSE_TIMEOUT = min(2.0 * client.RESPONSE_TIMEOUT, most)
         return None
 
     @contextmanager
@@ -314,5 +350,7 @@ class RemoteDrive:
                 ) from err
             raise BusTimeout(
                 f"{self.name} does not respond ({what} {entry.address} {entry.name}, "
-                f"{_RETRIES} times: {err}); check its power, node id, bit rate and termination"
+                f"{_RETRIES} times: {err}); check its power, node id, bit rate and "
+                f"termination, or raise sdo_timeout_s (now {self._timeout_s:g}) for a drive that "
+                "responds slowly"
             ) from err

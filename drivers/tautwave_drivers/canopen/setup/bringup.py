@@ -6,6 +6,7 @@ Nothing here enables a drive: torque is off before anything is written and stays
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 from tautwave.contracts import BusSpec, Clock, FramePort
 from tautwave.device_settings import Lasts
@@ -21,7 +22,13 @@ from tautwave_drivers.canopen.files.belonging import (
 from tautwave_drivers.canopen.files.choosing import choose
 from tautwave_drivers.canopen.files.reading import read_device_file
 from tautwave_drivers.canopen.foresight import files_of
-from tautwave_drivers.canopen.health import OPERATIONAL, SYNC_ID, Health, state_text
+from tautwave_drivers.canopen.health import (
+    OPERATIONAL,
+    SYNC_ID,
+    Health,
+    queue_remedy,
+    state_text,
+)
 from tautwave_drivers.canopen.mapping import RPDO_1, RPDO_2, TPDO_1, Layout, mappings_of
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.setup.meaning import ZEROED, check_meaning
@@ -38,6 +45,7 @@ from tautwave_drivers.canopen.setup.settings import (
 )
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.modes import mode_name
 from tautwave_drivers.cia402.states import DISABLE_VOLTAGE, TORQUE_STATES, decode, status_text
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
@@ -47,6 +55,8 @@ START_S = 1.0
 PROBES = 5
 PROBE_S = 0.05
 LEAST_SPREAD_NS = 30_000
+SECOND_RESPONSE_NS = 10_000_000
+"""How long the response of a second node is waited for."""
 
 
 def bring_up(
@@ -75,7 +85,7 @@ def bring_up(
             if health.lost:
                 raise DriverError(f"bus {bus.name}: {health.lost}")
 
-    net = PolledNetwork(port, clock, hear, options.sdo_timeout_s)
+    net = PolledNetwork(port, clock, hear, options.sdo_timeout_s, queue_remedy(options))
     while port.receive() is not None:
         pass  # frames from before
     try:
@@ -88,6 +98,7 @@ def bring_up(
         for drive, axis in zip(drives, axes, strict=True):
             drive.nmt(NMT_PRE_OPERATIONAL)
             notes += check_identity(drive, axis)
+            _check_alone(net, drive, clock)
             health.booted.discard(axis.node.id)  # it responds: powered on just before, if at all
             notes += prepare(drive, axis, options, bus, clock)
         for drive in drives:
@@ -99,8 +110,27 @@ def bring_up(
     except BaseException:  # a start that is refused, or ended by Ctrl-C, leaves nothing behind
         for drive in drives:
             drive.settings.give_back()
+            with suppress(DriverError):  # what it was refused for is what is said
+                drive.nmt(NMT_PRE_OPERATIONAL)
         raise
     return net, notes
+
+
+def _check_alone(net: PolledNetwork, drive: RemoteDrive, clock: Clock) -> None:
+    """Refuse a node of which a request got two responses.
+
+    Raises
+    ------
+    DeviceFault
+        Several did.
+    """
+    net.listen(clock.now_ns() + SECOND_RESPONSE_NS)
+    if drive.answered_twice > 1:
+        raise DeviceFault(
+            f"{drive.name}: two responses to one request: two nodes have the id {drive.node_id} "
+            "(or another SDO client talks to it); give each node its own id, by its switches or "
+            "its tool"
+        )
 
 
 def prepare(
@@ -109,7 +139,8 @@ def prepare(
     """Check one drive and write all it needs; it is pre-operational, and stays so."""
     notes = torque_off(drive, clock, bus)
     notes += _dcf(drive, axis)
-    notes += check_meaning(drive, axis)
+    notes += check_meaning(drive, axis, options.master_id)
+    _require_targets(drive, axis)
     notes += check_sync(drive)
     notes += set_period(drive, bus)
     notes += limit_torque(drive, axis)
@@ -121,8 +152,33 @@ def prepare(
             remedy = "a leftover target would act as soon as the drive is enabled"
             require(drive, target, 0, remedy, Lasts.POWER)
     drive.write(o.MODE, axis.mode)
+    if axis.node.mode_display == "when_enabled":
+        remedy = "6061h does not show its mode before it is enabled, and this does not either"
+        require(drive, o.MODE, axis.mode, remedy, Lasts.POWER)
+    if drive.slow_s is not None:
+        notes.append(
+            f"{drive.name} responds slowly: it was given {drive.slow_s:g} s; state "
+            f"sdo_timeout_s: {drive.slow_s:g} on its bus for a faster start"
+        )
     notes += store(drive) if bus.configure else not_stored(drive)
     return [text for text in notes if text]
+
+
+def _require_targets(drive: RemoteDrive, axis: Axis) -> None:
+    """Refuse a drive that does not have what the axis commands and measures.
+
+    Raises
+    ------
+    DeviceFault
+        It does not: some take a mapping of such an object all the same.
+    """
+    needed = [o.TARGET_VELOCITY, o.TORQUE] if axis.servo else [o.TARGET_TORQUE]
+    for entry in (*needed, o.POSITION):
+        if drive.lacks(entry):
+            raise DeviceFault(
+                f"{drive.name} has no {entry.address} {entry.name}, which "
+                f"{mode_name(axis.mode)} needs; use a drive or firmware that has it"
+            )
 
 
 def torque_off(drive: RemoteDrive, clock: Clock, bus: BusSpec) -> list[str]:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.errors import DeviceFault
 from tautwave_drivers.canopen.axis import Axis
+from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.si_units import (
@@ -67,8 +68,10 @@ class Row(NamedTuple):
     caps: bool = False
 
 
-def check_meaning(drive: RemoteDrive, axis: Axis) -> list[str]:
+def check_meaning(drive: RemoteDrive, axis: Axis, master_id: int) -> list[str]:
     """Compare every object of the table with the rig; return notes.
+
+    `master_id` is this master's: a limit that a run of it left, which was killed, is said to be so.
 
     Raises
     ------
@@ -77,7 +80,12 @@ def check_meaning(drive: RemoteDrive, axis: Axis) -> list[str]:
     """
     read = {entry: drive.find(entry) for entry in ENTRIES}
     notes = []
-    for _, verdict in verdicts(read, axis):
+    for row, verdict in verdicts(read, axis):
+        if verdict.refusal and o.MAX_TORQUE in row.entries and _armed_by(drive, master_id):
+            raise DeviceFault(
+                f"{drive.name}: {verdict.refusal}; or switch the drive off and on: a run that was "
+                "killed lowered it (its watchdog 1016:01 is still armed)"
+            )
         if verdict.refusal:
             raise DeviceFault(f"{drive.name}: {verdict.refusal}")
         if verdict.note:
@@ -94,6 +102,12 @@ def check_meaning(drive: RemoteDrive, axis: Axis) -> list[str]:
         if value is not None:
             axis.identity[name] = str(value)
     return notes
+
+
+def _armed_by(drive: RemoteDrive, master_id: int) -> bool:
+    """Return whether a drive still watches a master, as only a killed one leaves it."""
+    held = drive.find(c.CONSUMER_HEARTBEAT)
+    return held is not None and held >> 16 == master_id and held & 0xFFFF > 0
 
 
 def verdicts(read: Read, axis: Axis) -> Iterator[tuple[Row, Verdict]]:
@@ -392,7 +406,7 @@ def wanted_torque(axis: Axis) -> int:
     return min(0xFFFF, math.ceil(axis.spec.effort_limit / step - 1e-9))
 
 
-def _torque_cap(entry: Entry, rest: str = "") -> Callable[[Read, Axis], Verdict]:
+def _torque_cap(entry: Entry) -> Callable[[Read, Axis], Verdict]:
     def judge(read: Read, axis: Axis) -> Verdict:
         held, step = read[entry], axis.scale.effort_quantum
         if axis.servo:
@@ -406,7 +420,7 @@ def _torque_cap(entry: Entry, rest: str = "") -> Callable[[Read, Axis], Verdict]
         return Verdict(
             f"{held} per mille is {held * step:.4g}, below the rig's effort_limit "
             f"{axis.spec.effort_limit:g}; lower effort_limit, or set it to at least "
-            f"{wanted_torque(axis)} {TOOL} if motor and mechanics allow it{rest}"
+            f"{wanted_torque(axis)} {TOOL} if motor and mechanics allow it"
         )
 
     return judge
@@ -424,8 +438,6 @@ def _speed_cap(read: Read, axis: Axis) -> Verdict:
         f"{math.ceil(wanted)} {TOOL} if motor and mechanics allow it"
     )
 
-
-_KILLED = "; after a run was killed, its limit stays until the drive is power-cycled"
 
 TABLE = (
     Row((o.POLARITY,), "the signs of 6064h, 606Ch and 60FFh", "0 alone", _polarity),
@@ -471,7 +483,7 @@ TABLE = (
         (o.MAX_TORQUE,),
         "the most of 6071h",
         "effort_limit",
-        _torque_cap(o.MAX_TORQUE, _KILLED),
+        _torque_cap(o.MAX_TORQUE),
         True,
     ),
     *(

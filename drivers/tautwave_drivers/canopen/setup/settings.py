@@ -77,12 +77,12 @@ def store(drive: RemoteDrive) -> list[str]:
     """
     if not drive.settings.changed:
         return [f"{drive.name}: nothing changed, nothing stored"]
-    notes = []
+    notes = [f"{drive.name}: to be stored (1010:01): {_changed(drive)}"]
 
     def save() -> None:
         try:
             drive.write(c.STORE_ALL, c.SAVE)
-            notes.append(f"{drive.name}: settings stored (1010:01): {_changed(drive)}")
+            notes.append(f"{drive.name}: settings stored (1010:01)")
         except AbortError as err:
             notes.append(f"{drive.name} does not store its settings: {err}")
 
