@@ -15,14 +15,13 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import Bench, BusSpec, SimulatorPlugin
 from tautwave.errors import ConfigError, DriverError
-from tautwave.link.trace import parse_trace, replayed
+from tautwave.link.trace import LARGEST, parse_trace, replayed
 from tautwave.models.network import (
     EXPONENTIAL,
     LOST,
@@ -33,6 +32,7 @@ from tautwave.models.network import (
     seeded,
     transit,
 )  # fmt: skip
+from tautwave.reading import read_file
 
 KINDS = {"uniform": UNIFORM, "exponential": EXPONENTIAL, "spikes": SPIKES}
 PIECE = 65536
@@ -244,7 +244,7 @@ class Pipe:
 def read_trace(path: str) -> Sequence[float]:
     """Return a trace; raises `ConfigError` where there is none."""
     try:
-        return parse_trace(Path(path).read_text(encoding="utf-8"), path)
+        return parse_trace(read_file(path, LARGEST).decode(), path)
     except (OSError, UnicodeDecodeError) as err:
         why = err.strerror if isinstance(err, OSError) else "no text"
         raise ConfigError(f"sim network: --trace {path}: {why}") from err

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tautwave.reading import open_file
+
 RIG, SWEEP, PROTOCOL = "a rig", "a sweep", "a protocol of trials"
 PROFILE, CALIBRATION = "a profile of a drive", "a calibration"
 SUMMARY, SCHEDULER = "the summary of a run", "a scheduler file of Dask"
@@ -71,7 +73,7 @@ def kind_of_path(path: Path) -> str:
             return DATASET
         return SWEPT if (path / "points.csv").exists() else ""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return kind_of_bytes(path, file.read(64))
     except (OSError, ValueError):
         return ""

@@ -8,14 +8,12 @@ A third party adds a bus, or a coupling, with one line in its `pyproject.toml`:
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
-from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -26,6 +24,7 @@ from tautwave.contracts import (
     SimulatorPlugin,
 )
 from tautwave.errors import ConfigError
+from tautwave.reading import digest_of
 from tautwave.truth import EnvironmentPlugin, HandPlugin
 from tautwave.wording import CouplingMessages
 
@@ -162,7 +161,7 @@ def hash_part(path: str) -> str:
         It cannot be read.
     """
     try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        return digest_of(path)
     except OSError as err:
         raise ConfigError(f"{path}: cannot be read: {err.strerror}") from err
 

@@ -123,3 +123,62 @@ def test_a_planted_reading_is_noticed(line: str) -> None:
 )
 def test_what_parses_nothing_is_not(line: str) -> None:
     assert not readings(line)
+
+
+UNGUARDED = {
+    "src/tautwave/bench/live/bridges.py": "its own run",
+    "src/tautwave/bench/live/loop.py": "the kernel",
+    "src/tautwave/bench/live/viewed.py": "its own run",
+    "src/tautwave/bench/result.py": "the kernel",
+    "src/tautwave/bench/sites/runs.py": "its own runs",
+    "src/tautwave/cli/rigs/new.py": "a shipped example",
+    "src/tautwave/cli/terminal/streams.py": "a standard stream",
+    "src/tautwave/config/shipped.py": "shipped examples",
+    "src/tautwave/report/run/parts.py": "what the report has just drawn",
+    "src/tautwave/session/bus_locks.py": "the kernel",
+    "src/tautwave/session/calibration/file.py": "files that loading the rig has read",
+    "src/tautwave/session/doctor/machine.py": "the kernel",
+    "src/tautwave/session/doctor/wires.py": "the kernel",
+    "src/tautwave/session/operator.py": "its own run",
+    "src/tautwave/session/registration.py": "the kernel",
+    "src/tautwave/simulation/kernel/compiled.py": "our own modules",
+    "src/tautwave/view/server.py": "our own page",
+    "src/tautwave/view/watched.py": "the kernel",
+    "src/tautwave_scenes/rig/network.py": "sounds that loading the rig has read",
+    "drivers/tautwave_drivers/can/places.py": "the kernel",
+    "drivers/tautwave_drivers/can/raw.py": "the kernel",
+    "drivers/tautwave_drivers/dynamixel/line/ftdi.py": "the kernel",
+    "drivers/tautwave_drivers/modbus/profile.py": "shipped profiles",
+    "sim/tautwave_sim/modbus/families.py": "shipped tables",
+}
+"""Where something is read whole without `tautwave.reading` or the guard, and what it is."""
+
+
+def reads_whole(source: str) -> bool:
+    """Return whether a file is read whole, or opened to be read, by Python's own means."""
+    if not re.search(r"\.read_(?:text|bytes)\(|(?<![.\w])open\(", source):
+        return False
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Call):
+            continue
+        if isinstance(node.func, ast.Attribute) and node.func.attr in ("read_text", "read_bytes"):
+            return True
+        if isinstance(node.func, ast.Name) and node.func.id == "open":
+            mode = node.args[1] if len(node.args) > 1 else ast.Constant("r")
+            if not isinstance(mode, ast.Constant) or "r" in str(mode.value):
+                return True
+    return False
+
+
+def test_what_a_user_names_is_not_read_whole_unguarded() -> None:
+    found = {str(path.relative_to(ROOT)) for path in SOURCES if reads_whole(path.read_text())}
+    assert found == set(UNGUARDED)
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [("Path(name).read_text()", True), ("open(name)", True), ("open(name, 'rb')", True),
+     ("open(name, 'w')", False), ("read_file(name, 10)", False)],
+)  # fmt: skip
+def test_a_planted_reading_of_a_whole_file_is_noticed(line: str, found: bool) -> None:
+    assert reads_whole(line) is found

@@ -15,6 +15,7 @@ from typing import Any
 
 from tautwave.errors import ConfigError
 from tautwave.kinds import refused
+from tautwave.reading import open_file
 
 MOST_DIGITS = 300
 """Of a whole number: a float holds 308."""
@@ -74,7 +75,7 @@ def read_guarded(
         The file does not exist, cannot be read, is too large, or is not text.
     """
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             raw = stream.read(largest + 1)
     except FileNotFoundError as err:
         raise ConfigError(f"{path}: no such file") from err

@@ -12,6 +12,8 @@ from tautwave.errors import ConfigError
 from tautwave.models.network import LOST
 
 HEADER = "time_s,delay_s,lost"
+LARGEST = 64 * 1024 * 1024
+"""[bytes] Of a trace: 40 minutes at 1 kHz."""
 LATEST_S = 9e6
 """A hundred days: whole nanoseconds of it are exact in the table."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.errors import RecordingError
+from tautwave.reading import open_file
 from tautwave.recordings import RUN
 
 METADATA = "tautwave camera"
@@ -98,7 +99,7 @@ def _records(path: Path) -> Iterator[Any]:
     from mcap.stream_reader import StreamReader
 
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             yield from StreamReader(file).records
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error

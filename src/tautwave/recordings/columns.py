@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import importlib
 import math
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tautwave.errors import ConfigError
+from tautwave.reading import open_file
 from tautwave.recordings import RUN
 from tautwave.recordings.stated import Stated
 from tautwave.recordings.times import in_seconds
@@ -23,6 +24,11 @@ Array = NDArray[np.float64]
 MEND = "fill the gap or cut the recording there"
 GREATEST = 1e50
 """Of a number in a recording: far beyond all that is measured, and its square is a number."""
+
+MOST_ROWS = 10_000_000
+"""Of CSV text: nearly three hours at 1 kHz."""
+LONGEST_LINE = 1 << 20
+"""Characters of a line of CSV text."""
 
 UNSTATED = Stated()
 SEPARATORS = (",", ";", "\t")
@@ -49,7 +55,7 @@ def column_names(path: Path) -> list[str]:
 
         return list(read_recording(path, rows=slice(0, 1)).columns)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
+        with _text(path) as stream:
             return _heading(path, stream)[0]
     except (OSError, ValueError, csv.Error) as err:
         raise ConfigError(f"{path}: cannot be read as CSV text: {err}") from err
@@ -157,7 +163,8 @@ def _mat(path: Path) -> dict[str, Array]:
     except ImportError as err:
         raise ConfigError(f"{path}: this needs scipy; pip install 'tautwave[analysis]'") from err
     try:
-        content = io.loadmat(os.fspath(path), simplify_cells=True)
+        with open_file(path) as file:
+            content = io.loadmat(file, simplify_cells=True)
     except NotImplementedError as err:
         raise ConfigError(
             f"{path}: is a MATLAB 7.3 file, which cannot be read; save it with -v7"
@@ -192,11 +199,23 @@ def _flatten(name: str, value: Any, found: dict[str, Array]) -> None:
         found[f"{name}[{at}]"] = column.astype(np.float64)
 
 
+def _text(path: Path) -> TextIO:
+    return TextIOWrapper(open_file(path), encoding="utf-8-sig", newline="")
+
+
+def _lines(path: Path, file: TextIO) -> Iterator[str]:
+    """Yield lines; a file without any would be read whole as the first one."""
+    while line := file.readline(LONGEST_LINE):
+        if len(line) == LONGEST_LINE:
+            raise ConfigError(f"{path}: a line of over {LONGEST_LINE} characters, so not CSV text")
+        yield line
+
+
 def _heading(path: Path, file: TextIO) -> tuple[list[str], str, int]:
     """Read the names of the columns, their separator, and the number of their line."""
-    number, line = 1, file.readline(1 << 16)
+    number, line = 1, file.readline(LONGEST_LINE)
     while line.startswith("#"):
-        number, line = number + 1, file.readline(1 << 16)
+        number, line = number + 1, file.readline(LONGEST_LINE)
     separator = max(SEPARATORS, key=line.count)
     names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
     if names and all(_number(name, separator) is not None for name in names):
@@ -218,9 +237,9 @@ def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
     """Read some columns of a CSV file with a header line; the first of them is the time."""
     rows_read: list[list[float]] = []
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
+        with _text(path) as file:
             header, separator, before = _heading(path, file)
-            rows = csv.reader(file, delimiter=separator)
+            rows = csv.reader(_lines(path, file), delimiter=separator)
             for name in wanted:
                 if name not in header:
                     raise ConfigError(
@@ -249,6 +268,8 @@ def _csv(path: Path, wanted: Sequence[str], holes: bool) -> dict[str, Array]:
                         f"{path}:{before + rows.line_num}: time must increase, "
                         f"but {numbers[0]:.12g} follows {rows_read[-1][0]:.12g}"
                     )
+                if len(rows_read) == MOST_ROWS:
+                    raise ConfigError(f"{path}: more than {MOST_ROWS} rows; cut it, or thin it out")
                 rows_read.append(numbers)
     except (OSError, UnicodeDecodeError, csv.Error) as err:
         raise ConfigError(f"{path}: the recording cannot be read: {err}") from err

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from tautwave import formats
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.reading import open_file
 from tautwave.recordings import RUN
 from tautwave.recordings.layout import ENDING_NAME, MAGIC, METADATA_NAME, record_type
 from tautwave.recordings.mcap_chunks import chunk_records, walk_records
@@ -172,7 +173,7 @@ def read_recording(
     if stride < 1 or rows.step not in (None, 1):
         raise RecordingError("only positive steps are supported: every n-th row with n >= 1")
     try:
-        with open(path, "rb", buffering=0) as file:
+        with open_file(path, buffering=0) as file:
             return _read(name, file.fileno(), columns, rows, stride)
     except RecordingError:
         raise

@@ -10,9 +10,10 @@ import numpy as np
 
 from tautwave import registry
 from tautwave.config import Link, Rig
+from tautwave.config.guard import read_guarded
 from tautwave.config.keys.common import AUTO
 from tautwave.errors import ConfigError
-from tautwave.link.trace import parse_trace
+from tautwave.link.trace import LARGEST, parse_trace
 
 LATE = 0.99
 """Share of packets that an `auto` depth waits for."""
@@ -48,9 +49,9 @@ def trace_of(link: Link) -> list[float]:
 @lru_cache(maxsize=8)
 def _trace(file: str) -> tuple[float, ...]:
     try:
-        text = Path(file).read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as err:
-        raise ConfigError(f"link.trace: {file}: cannot be read: {err}") from err
+        text = read_guarded(Path(file), "network trace", LARGEST)
+    except ConfigError as err:
+        raise ConfigError(f"link.trace: {err}") from err
     return tuple(parse_trace(text, file))
 
 

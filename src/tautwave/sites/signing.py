@@ -7,7 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tautwave.errors import ConfigError
+from tautwave.reading import read_file
 from tautwave.sites.certificates import AUTHORITY, identity_files, load_library
+
+LARGEST = 65536
+"""Bytes of a key or certificate."""
 
 
 class Signature(NamedTuple):
@@ -31,8 +35,8 @@ def sign(directory: Path, site: str, data: bytes) -> Signature:
 
     files = identity_files(directory, site)
     try:
-        key = load_pem_private_key(files.key.read_bytes(), None)
-        certificate = files.certificate.read_bytes()
+        key = load_pem_private_key(read_file(files.key, LARGEST), None)
+        certificate = read_file(files.certificate, LARGEST)
     except (OSError, ValueError, TypeError) as err:
         raise ConfigError(f"{files.key}: cannot be read as a key ({err})") from err
     if not isinstance(key, Ed25519PrivateKey):
@@ -55,7 +59,7 @@ def signer_of(found: Signature, data: bytes, signed: datetime.datetime, director
 
     path = directory / f"{AUTHORITY}.pem"
     try:
-        authority = x509.load_pem_x509_certificate(path.read_bytes())
+        authority = x509.load_pem_x509_certificate(read_file(path, LARGEST))
     except (OSError, ValueError) as err:
         raise ConfigError(f"{path}: is not an authority's certificate ({err})") from err
     try:

@@ -10,11 +10,14 @@ from typing import Any, Self
 from tautwave.clock import MonotonicClock
 from tautwave.config.guard import parse_json
 from tautwave.errors import RecordingError
+from tautwave.reading import read_file
 from tautwave.runtime.operate.mailbox import send
 from tautwave.runtime.tap import LIVE, Live, Tap
 
 STOP = "stop"
 KNOCK_NS = 200_000_000
+LARGEST = 16 * 1024 * 1024
+"""Bytes of what a run says of itself."""
 
 
 def read_live(directory: Path) -> Live:
@@ -27,7 +30,7 @@ def read_live(directory: Path) -> Live:
     """
     path = directory / LIVE
     try:
-        fields = parse_json(path.read_text(encoding="utf-8"))
+        fields = parse_json(read_file(path, LARGEST).decode())
         return Live(**{name: fields[name] for name in Live._fields})
     except (FileNotFoundError, NotADirectoryError) as error:
         raise RecordingError(f"{directory}: no run in progress here") from error

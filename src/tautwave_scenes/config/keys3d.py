@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.config.keys.control import ControlKeys
 from tautwave.errors import ConfigError
+from tautwave.reading import read_file
 from tautwave_scenes.config.keys import (
     BowLink,
     ContactLink,
@@ -333,9 +334,13 @@ def mesh_of(keys: Tissue3d) -> Mesh:
     return block(keys.block.size, keys.block.cells, keys.position)
 
 
+LARGEST_MESH = 64 * 1024 * 1024
+"""[bytes] A million tetrahedra, many more than a run can step."""
+
+
 @functools.lru_cache(maxsize=8)
 def _read_mesh(path: Path, _: int) -> Mesh:
-    return gmsh_mesh(path.read_text(encoding="ascii"), path.name)
+    return gmsh_mesh(read_file(path, LARGEST_MESH).decode("ascii"), path.name)
 
 
 def scene_kind(value: Any) -> str:

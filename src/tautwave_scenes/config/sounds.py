@@ -7,7 +7,6 @@ Source: Microsoft and IBM, Multimedia Programming Interface and Data Specificati
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import struct
 from pathlib import Path
@@ -17,6 +16,7 @@ from tautwave.config.inputs.recordings import find_recording
 from tautwave.config.text.document import Document, show_path
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
+from tautwave.reading import digest_of, open_file
 from tautwave_scenes.config.keys import SoundForce
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def read_sound(path: Path) -> Sound:
     import numpy as np
 
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             raw = stream.read(8 * MOST_SAMPLES + 65536)
     except OSError as err:
         raise ConfigError(f"cannot be read: {err.strerror}") from err
@@ -86,11 +86,6 @@ def read_sound(path: Path) -> Sound:
         full = 2.0 ** (layout.bits - 1)
         samples = np.frombuffer(data, f"<i{width}").astype(np.float64) / full
     return Sound(layout.rate_hz, samples.reshape(-1, layout.channels))
-
-
-def sound_digest(path: Path) -> str:
-    """Return a file's SHA-256."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def can_resample() -> bool:
@@ -124,7 +119,7 @@ def check_sound(document: Document, path: KeyPath, force: SoundForce, rate_hz: f
             f"{found.name} has {sound.rate_hz} samples per second and the scene {rate_hz:g}; "
             "convert it, or pip install 'tautwave[analysis]', which brings scipy",
         )
-    if force.sha256 is not None and force.sha256 != sound_digest(found):
+    if force.sha256 is not None and force.sha256 != digest_of(found):
         document.report(
             (*path, "sha256"),
             f"{found.name} has changed (SHA-256 differs); restore the file, or remove this key",
@@ -136,7 +131,7 @@ def complete_sound(document: Document, name: str, force: SoundForce) -> SoundFor
     found = find_recording(document, ("scene", "forces", name, "file"), force.file)
     if found is None:
         return force
-    return force.model_copy(update={"file": str(found), "sha256": sound_digest(found)})
+    return force.model_copy(update={"file": str(found), "sha256": digest_of(found)})
 
 
 def _chunks(raw: bytes) -> tuple[_Layout, bytes]:

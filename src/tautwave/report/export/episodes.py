@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.config.guard import parse_json
+from tautwave.config.guard import parse_json, read_guarded
 from tautwave.config.text.document import open_document
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.recordings.recording import read_recording
 from tautwave.report.columns import unit_of
 from tautwave.report.run.rundir import SIDES, block
 from tautwave.report.units import number
+from tautwave.summary.file import LARGEST
 
 EPISODE = "operation.episode"
 
@@ -69,9 +70,9 @@ def episodes(directory: Path) -> list[Episode]:
 def _summary(path: Path) -> dict[int, dict[str, Any]]:
     """Return what the summary states of each episode, {} without any."""
     try:
-        found = parse_json(path.read_text(encoding="utf-8"))["operation"]["episodes"]
+        found = parse_json(read_guarded(path, "summary", LARGEST))["operation"]["episodes"]
         return {int(one["number"]): dict(one) for one in found}
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ConfigError, ValueError, KeyError, TypeError):
         return {}
 
 

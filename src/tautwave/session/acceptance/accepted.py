@@ -14,6 +14,7 @@ from tautwave.config import Rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, DeviceFault
 from tautwave.files import write_text
+from tautwave.reading import read_file
 from tautwave.rig.calibrated import identities
 from tautwave.runtime.sensing import LoopBus
 
@@ -21,6 +22,9 @@ NEEDED = ("identity", "motion")
 """Stages without which nothing is written: who the devices are, and that they go the right way."""
 
 Devices = Mapping[str, Mapping[str, str]]
+
+LARGEST = 1 << 20
+"""Bytes of the file."""
 
 
 def accepted_path(rig: Path) -> Path:
@@ -52,7 +56,7 @@ def _read(path: Path) -> Devices:
         It is none.
     """
     try:
-        devices = parse_json(path.read_text(encoding="utf-8"))["devices"]
+        devices = parse_json(read_file(path, LARGEST).decode())["devices"]
         return {
             str(name): {str(key): str(value) for key, value in said.items()}
             for name, said in devices.items()

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DriverError, SafetyStop
+from tautwave.reading import digest_of
 from tautwave.rig import bus_ways, real_buses
 from tautwave.session.acceptance import guides
 from tautwave.session.acceptance.accepted import NEEDED, keep_accepted
-from tautwave.session.acceptance.document import Check, file_digest, write_sealed
+from tautwave.session.acceptance.document import Check, write_sealed
 from tautwave.session.acceptance.motion import motions
 from tautwave.session.guided.control import GuidedControl
 from tautwave.session.guided.running import (
@@ -92,7 +93,7 @@ def accept(
             break
     content: dict[str, Any] = {
         "rig": rig.name,
-        "rig_sha256": file_digest(asked.rig),
+        "rig_sha256": digest_of(asked.rig),
         "version": version("tautwave"),
         "by": asked.by,
         "sealed_utc": datetime.now(UTC).isoformat(timespec="seconds"),

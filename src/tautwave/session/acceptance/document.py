@@ -13,8 +13,11 @@ from typing import Any, NamedTuple
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError
 from tautwave.files import write_text
+from tautwave.reading import digest_of, read_file
 
 FILE = "acceptance.json"
+LARGEST = 16 * 1024 * 1024
+"""Bytes of a document."""
 
 
 class Check(NamedTuple):
@@ -25,12 +28,6 @@ class Check(NamedTuple):
     measured: dict[str, float | str]
     expected: str
     good: bool
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
@@ -51,7 +48,7 @@ def write_sealed(out: Path, content: dict[str, Any], keys: Path | None, site: st
         There is no such key.
     """
     content["files"] = {
-        str(path.relative_to(out)): file_digest(path)
+        str(path.relative_to(out)): digest_of(path)
         for path in sorted(out.rglob("*"))
         if path.suffix in (".mcap", ".yaml")
     }
@@ -84,7 +81,7 @@ def verify(path: Path, keys: Path | None = None) -> Verified:
         It is no acceptance.
     """
     try:
-        content = parse_json(path.read_text(encoding="utf-8"))
+        content = parse_json(read_file(path, LARGEST).decode())
         seal, files = content["seal"], content["files"]
         sealed = seal["sha256"]
         named = {str(name): str(digest) for name, digest in files.items()}
@@ -102,7 +99,7 @@ def verify(path: Path, keys: Path | None = None) -> Verified:
         there = path.parent / name
         if not there.exists():
             wrong.append(f"{there}: is gone")
-        elif file_digest(there) != expected:
+        elif digest_of(there) != expected:
             wrong.append(f"{there}: differs from the file that was sealed")
     signer = ""
     if keys is not None:

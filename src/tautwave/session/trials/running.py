@@ -20,6 +20,7 @@ from tautwave.errors import (
     WritingError,
 )
 from tautwave.files import make_directory, write_text
+from tautwave.reading import read_file
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import EPISODE, Order
 from tautwave.runtime.operate.operated import OperatedControl
@@ -33,6 +34,8 @@ MEASURES = ("position_error", "effort_error")
 ENDS = {3: NotCertifiedError, 5: DriverError, 6: SafetyStop, 7: WritingError}
 """Errors of a trial's run that ended with these exit codes."""
 
+LARGEST = 1 << 20
+"""Bytes of a protocol that was kept."""
 SPARE_S = 30.0
 """Beyond a trial, for engaging and ending it."""
 
@@ -139,7 +142,7 @@ def _keep_protocol(study: Study) -> None:
         write_text(path, json.dumps(said, indent=2) + "\n")
         return
     try:
-        before = parse_json(path.read_text(encoding="utf-8"))
+        before = parse_json(read_file(path, LARGEST).decode())
         changed = [key for key, value in said.items() if before[key] != value]
     except (OSError, ValueError, KeyError, TypeError) as err:
         raise ConfigError(f"{path}: is not a study protocol; give another --out") from err
