@@ -147,7 +147,7 @@ UNGUARDED = {
     "src/tautwave_scenes/rig/network.py": "sounds that loading the rig has read",
     "drivers/tautwave_drivers/can/places.py": "the kernel",
     "drivers/tautwave_drivers/can/raw.py": "the kernel",
-    "drivers/tautwave_drivers/dynamixel/line/ftdi.py": "the kernel",
+    "drivers/tautwave_drivers/adapter.py": "the kernel",
     "drivers/tautwave_drivers/modbus/profile.py": "shipped profiles",
     "sim/tautwave_sim/modbus/families.py": "shipped tables",
 }
