@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,8 +15,12 @@ from typing import Any
 import pytest
 
 from tautwave.config import load_rig
+from tautwave.errors import WritingError
+from tautwave.report import __main__ as drawing
 from tautwave.session import running
+from tautwave.summary import Summary, read_summary, write_summary
 
+COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')"]
 RIG = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 
 
@@ -68,3 +76,50 @@ def test_a_report_that_is_not_written_costs_nothing_else(
     port = kept["certificate"]["elements"]["master.lever port"]
     assert port["true_j"] > kept["pairs"]["lever"]["claim_j"]["master"] > 0.0
     assert (out / "recording.mcap").stat().st_size > 1000
+
+
+def test_a_drawing_that_nobody_waits_for_says_in_the_summary_why_it_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without room the run is incomplete; in a directory that was removed there is none to tell."""
+    summary = Summary.model_construct(_fields_set=set())
+    for error, incomplete in (
+        (WritingError("report.html: no space left on device"), True),
+        (ValueError("no such colour"), False),
+    ):
+        write_summary(tmp_path, summary)
+        monkeypatch.setattr(drawing, "draw", raising(error))
+        assert drawing.draw_alone(tmp_path) == 1
+        found, _ = read_summary(tmp_path)
+        assert str(error) in str(found.report_error)
+        assert (found.incomplete == found.report_error) is incomplete
+    assert drawing.draw_alone(tmp_path / "gone") == 1
+
+
+@pytest.mark.slow
+def test_on_a_terminal_the_run_ends_judged_and_the_report_follows(tmp_path: Path) -> None:
+    """The summary is then complete but for the precision, which takes a replay."""
+    words = ["run", str(RIG), "--clock", "fake", "--duration", "0.2", "--quiet", "--out", "out"]
+    main, side = pty.openpty()
+    try:
+        done = subprocess.run(
+            [*COMMAND, *words], cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=side, check=False
+        )
+        printed = os.read(main, 100_000).decode()
+    finally:
+        os.close(main)
+        os.close(side)
+    assert done.returncode == 0
+    assert "report.html" in printed
+    summary = tmp_path / "out" / "summary.json"
+    judged = summary.read_text()
+    page = tmp_path / "out" / "report.html"
+    for _ in range(600):
+        if page.exists():
+            break
+        time.sleep(0.1)
+    assert page.stat().st_size > 50_000
+    found, later = (json.loads(text) for text in (judged, summary.read_text()))
+    assert "after_run" in found["certificate"]
+    assert "error" not in later.pop("precision")
+    assert later == found

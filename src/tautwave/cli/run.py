@@ -105,7 +105,9 @@ def run(
 
     Ctrl-C, SIGTERM and a closed terminal (SIGHUP) ramp down, write the report and exit with 0; a
     second one stops immediately, and one during the report aborts only the report. The run's
-    directory holds rig.yaml, summary.json, recording.mcap, report.html and its figures.
+    directory holds rig.yaml, summary.json, recording.mcap, report.html and its figures. On a
+    terminal the prompt is back once the run is judged, and the figures are drawn in the background
+    (not with --play); anywhere else, also in a pipe, the command ends when all files are there.
 
     A rig with an `operate` block accepts commands. Keys at the terminal: space engages and
     disengages, c clutches, p holds, r rests, e starts and ends an episode, q stops.
@@ -141,6 +143,8 @@ def run(
     with unheard(sys.stdout):
         for sentence in ways:
             click.echo(sentence)
+    # A script finds all files when the command ends; a person is shown the verdict at once.
+    draw_later = sys.stdout.isatty() and not play
     scripts, live = command_sources(commands, end_with_input=end_with_input)
     directory = fresh_directory(out, loaded.name)
     try:
@@ -166,6 +170,7 @@ def run(
                 live=[*live, *keys],
                 progress=progress,
                 warn=warn,
+                draw_later=draw_later,
             )
     finally:
         with suppress(OSError):
@@ -175,7 +180,7 @@ def run(
             heard.stay_deaf()
     summary, _ = summary_of(result.summary)
     with unheard(sys.stdout):
-        show(summary_sections(loaded.name, summary, result.directory, result.exit_code))
+        show(summary_sections(loaded.name, summary, result.directory, result.exit_code, draw_later))
     played = _played(result.directory) if play else ""
     with unheard(sys.stderr):
         if played:

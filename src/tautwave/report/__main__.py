@@ -1,36 +1,88 @@
-"""`python -m tautwave.report DIR`: complete a run's summary from its recording, draw the report."""
+"""`python -m tautwave.report DIR`: complete a run's summary from its recording, draw the report.
+
+`--judge` stops before the drawing and the replay for the run's precision. `--draw` does these of a
+run that was judged, with nobody waiting: what keeps it from that is put into the summary.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tautwave.errors import TautwaveError
+from tautwave.errors import TautwaveError, WritingError
+
+if TYPE_CHECKING:
+    from tautwave.report.run.rundir import Run
+
+LEAST = 19
+"""Niceness of drawing that nobody waits for: the next run may move motors already."""
 
 
 def main() -> int:
-    """Complete `summary.json` and write the report of the directory in argv[1]."""
-    from tautwave.report.arms.files import write_arms
-    from tautwave.report.hooks import report_hooks
-    from tautwave.report.precision.oracle import measure_precision
-    from tautwave.report.run.after_run import recheck_run
-    from tautwave.report.run.complete import complete_summary, write_summary
+    """Judge the run in the directory that is named last, draw its report, or both."""
+    from tautwave.report.run.complete import write_summary
     from tautwave.report.run.loading import load_run
-    from tautwave.report.run.page import write_page
-    from tautwave.report.run.warnings import with_warnings
 
+    *options, directory = sys.argv[1:]
+    if "--draw" in options:
+        os.nice(LEAST)
+        return draw_alone(Path(directory))
     try:
-        run = load_run(Path(sys.argv[1]))
-        for step in (complete_summary, recheck_run, with_warnings, measure_precision):
-            run.summary = step(run)
-        write_summary(run)
-        if run.ports:
-            report_hooks().write_files(run)
-        write_arms(run)
-        write_page(run)
+        run = load_run(Path(directory))
+        judge(run)
+        if "--judge" in options:
+            write_summary(run)
+        else:
+            draw(run)
     except TautwaveError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_code
+    return 0
+
+
+def judge(run: Run) -> None:
+    """Complete the summary: tracking, books, and whether the run kept its certificate."""
+    from tautwave.report.run.after_run import recheck_run
+    from tautwave.report.run.complete import complete_summary
+    from tautwave.report.run.warnings import with_warnings
+
+    for step in (complete_summary, recheck_run, with_warnings):
+        run.summary = step(run)
+
+
+def draw(run: Run) -> None:
+    """Replay a run that was judged, for its precision; write summary, page, and what is beside."""
+    from tautwave.report.arms.files import write_arms
+    from tautwave.report.hooks import report_hooks
+    from tautwave.report.precision.oracle import measure_precision
+    from tautwave.report.run.complete import write_summary
+    from tautwave.report.run.page import write_page
+
+    run.summary = measure_precision(run)
+    write_summary(run)
+    if run.ports:
+        report_hooks().write_files(run)
+    write_arms(run)
+    write_page(run)
+
+
+def draw_alone(directory: Path) -> int:
+    """Draw; say in the summary why that failed."""
+    from tautwave.report.run.loading import load_run
+    from tautwave.summary import read_summary, with_unwritten_report, write_summary
+
+    try:
+        draw(load_run(directory))
+    except Exception as err:  # noqa: BLE001  nobody reads a traceback of this process
+        said = str(err) if isinstance(err, TautwaveError) else f"{type(err).__name__}: {err}"
+        with suppress(TautwaveError):  # the directory was removed, or is full
+            summary, _ = read_summary(directory)
+            full = isinstance(err, WritingError)
+            write_summary(directory, with_unwritten_report(summary, said, full))
+        return 1
     return 0
 
 

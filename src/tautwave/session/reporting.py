@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from contextlib import suppress
@@ -22,7 +23,13 @@ from tautwave.runtime.interrupts import interrupts
 from tautwave.runtime.loop import LoopResult
 from tautwave.runtime.recorder import RecorderStats
 from tautwave.runtime.unwatched import may_be_enabled
-from tautwave.summary import Summary, plain_summary, read_summary, write_summary
+from tautwave.summary import (
+    Summary,
+    plain_summary,
+    read_summary,
+    with_unwritten_report,
+    write_summary,
+)
 from tautwave.summary.model import Outcome, Recording
 
 REPORT_TIMEOUT_S = 600.0
@@ -40,33 +47,36 @@ def recording_of(stats: RecorderStats) -> Recording:
     )
 
 
-def report_run(directory: Path, summary: Summary, exit_code: int) -> tuple[dict[str, Any], int]:
+def report_run(
+    directory: Path, summary: Summary, exit_code: int, draw_later: bool = False
+) -> tuple[dict[str, Any], int]:
     """Write the summary, then have another process complete it and draw the report.
 
     NumPy arrays of an hour and matplotlib stay out of the process that moved the motors. Nothing is
-    raised: the run is over, and `incomplete` in the summary says what could not be saved.
+    raised: the run is over, and `incomplete` in the summary says what could not be saved. With
+    `draw_later` the run is judged when this returns, and a process that goes on draws.
 
     Returns
     -------
     tuple
         The summary, and the exit code of the whole run.
     """
-    lost = ""
+    lost, reason, no_room = "", "", False
     try:
         write_summary(directory, summary)
-        reason, no_room = _complete(directory)
-        if reason:
-            said = f"the report could not be written: {reason}"
-            summary = summary.model_copy(update={"report_error": said})
-            lost = said if no_room else ""
-        else:
+        reason, no_room = _complete(directory, *(["--judge"] if draw_later else []))
+        if not reason:
             summary, _ = read_summary(directory)
     except (WritingError, RecordingError, ConfigError) as err:
         lost = str(err)
     incomplete = "; ".join(filter(None, (lost_rows(summary.recording), lost))) or None
     summary = summary.model_copy(update={"incomplete": incomplete})
+    if reason:
+        summary = with_unwritten_report(summary, reason, no_room)
     with suppress(WritingError):
         write_summary(directory, summary)
+    if draw_later and not reason:
+        _draw_alone(directory)
     invalidated = summary.certificate.after_run.invalidated
     return plain_summary(summary), final_code(exit_code, invalidated, bool(incomplete))
 
@@ -151,12 +161,19 @@ def lost_rows(recording: Recording) -> str:
     return f"the recording is incomplete: {reason}" if reason else ""
 
 
-def _complete(directory: Path) -> tuple[str, bool]:
+def _draw_alone(directory: Path) -> None:
+    """Start a process that draws the report and outlives this one and its terminal."""
+    command = [sys.executable, "-m", "tautwave.report", "--draw", str(directory)]
+    silent = [(os.POSIX_SPAWN_OPEN, at, os.devnull, os.O_RDWR, 0) for at in (0, 1, 2)]
+    os.posix_spawn(command[0], command, os.environ, file_actions=silent, setsid=True)
+
+
+def _complete(directory: Path, *options: str) -> tuple[str, bool]:
     """Have the run's report written; return why it failed, and whether for lack of space.
 
     '' means that the report was written.
     """
-    command = [sys.executable, "-m", "tautwave.report", str(directory)]
+    command = [sys.executable, "-m", "tautwave.report", *options, str(directory)]
     again = f"run `tautwave report {directory}` to write it"
     try:
         with interrupts() as heard, heard.raised():

@@ -100,6 +100,7 @@ def run(
     progress: Callable[[float, str], None] | None = None,
     warn: Callable[[str], None] | None = None,
     accepting: bool = False,
+    draw_later: bool = False,
 ) -> RunResult:
     """Run a rig and leave a run directory behind.
 
@@ -136,6 +137,9 @@ def run(
         its own stops, and about real devices that nobody accepted.
     accepting : bool
         This run is part of an acceptance, and not compared with an earlier one.
+    draw_later : bool
+        Return once the run is judged; report.html and its figures are drawn by a process that goes
+        on after this one.
 
     Raises
     ------
@@ -254,7 +258,7 @@ def run(
         pairs=pairs,
         **extra,
     )
-    result_of_run, exit_code = report_run(directory, summary, exit_code)
+    result_of_run, exit_code = report_run(directory, summary, exit_code, draw_later)
     return RunResult(result_of_run, directory, exit_code)
 
 

@@ -8,6 +8,7 @@ from tautwave.summary.file import (
     read_summary,
     summary_of,
     summary_text,
+    with_unwritten_report,
     write_summary,
 )
 from tautwave.summary.model import Summary, summary_schema
@@ -20,5 +21,6 @@ __all__ = [
     "summary_of",
     "summary_schema",
     "summary_text",
+    "with_unwritten_report",
     "write_summary",
 ]

@@ -46,6 +46,15 @@ def write_summary(directory: Path, summary: Summary) -> None:
     write_text(directory / NAME, summary_text(summary))
 
 
+def with_unwritten_report(summary: Summary, reason: str, no_room: bool) -> Summary:
+    """Return a summary that says why its report is missing; without room the run is incomplete."""
+    said = f"the report could not be written: {reason}"
+    update = {"report_error": said}
+    if no_room:
+        update["incomplete"] = "; ".join(filter(None, (summary.incomplete, said)))
+    return summary.model_copy(update=update)
+
+
 def read_summary(directory: Path) -> tuple[Summary, list[str]]:
     """Return the summary in the directory of a run, of any version, and what is wrong with it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tautwave.cli.terminal.show import BAD, GOOD, NOTE, Cell, Section, printable
+from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, printable
 from tautwave.report.calm import UNCALM, worst_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
 from tautwave.report.units import axis_units, count, microseconds, plural, quantity, ratio
@@ -14,7 +14,8 @@ from tautwave.summary import Summary
 from tautwave.summary.ending import generated, outcome
 from tautwave.summary.model import Certificate, Pair
 
-FILES = ("report.html", "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
+PAGE = "report.html"
+FILES = (PAGE, "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
 
 
 MOST_LEFT_OUT = 20
@@ -23,8 +24,13 @@ MOST_LEFT_OUT = 20
 LINK_HEADS = ("", ">lost", ">delay p50", ">p99", ">owed at most", ">energy short", ">held")
 
 
-def summary_sections(name: str, summary: Summary, directory: Path, exit_code: int) -> list[Section]:
-    """Outcome, tracking, books, timing, devices, elements left out, and paths of the files."""
+def summary_sections(
+    name: str, summary: Summary, directory: Path, exit_code: int, drawing: bool = False
+) -> list[Section]:
+    """Outcome, tracking, books, timing, devices, elements left out, and paths of the files.
+
+    `drawing`: another process is about to draw the report.
+    """
     motion = [
         Section(
             "Tracking",
@@ -44,12 +50,17 @@ def summary_sections(name: str, summary: Summary, directory: Path, exit_code: in
         Section("Devices", ("", ">lost", ">late", "faults"), list(_devices(summary))),
         *([Section("No watchdog", ("", ""), unwatched)] if unwatched else ()),
         Section("Unused elements", ("", ""), list(_left_out(summary))),
-        Section(
-            "Files",
-            ("",),
-            [(str(directory / file),) for file in FILES if (directory / file).exists()],
-        ),
+        Section("Files", ("",), list(_files(summary, directory, drawing))),
     ]
+
+
+def _files(summary: Summary, directory: Path, drawing: bool) -> Iterator[Sequence[str | Cell]]:
+    awaited = drawing and not summary.report_error
+    for file in FILES:
+        if (directory / file).exists():
+            yield (str(directory / file),)
+        elif awaited and file == PAGE:
+            yield (Cell(f"{directory / file} (being drawn)", FAINT),)
 
 
 def _headline(name: str, summary: Summary, exit_code: int) -> Section:
