@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 from tautwave.types import AxisCommand, BusElement, CommandDelay, Fault, Imposed, JointState, Survey
@@ -221,6 +222,22 @@ def no_progress(done: float, text: str) -> None:
     """Show nothing."""
 
 
+@dataclass(frozen=True, slots=True)
+class DescribedObject:
+    """An object of a device as its file describes it, for a simulator.
+
+    `kind` is U8 to U64, I8 to I64, BOOL, REAL or STR; `access` ro, wo, rw or const; `default` None
+    where the file has none; `mapped` whether process data may carry it, None: not said.
+    """
+
+    index: int
+    sub: int
+    kind: str
+    access: str
+    default: int | bytes | None
+    mapped: bool | None
+
+
 class DriverPlugin(NamedTuple):
     """Declaration behind a `tautwave.drivers` entry point.
 
@@ -238,7 +255,8 @@ class DriverPlugin(NamedTuple):
     `elements(options, bus, axes, late)`: verdicts of a driver with laws of its own; the rig's axes
     by full name, the command delay in periods. `plain`: only the live loop simulates its axes;
     `positions`: they may take positions. `foreseen(options, bus)`, pure, returns sentences on what
-    a run would say or refuse of the devices as files in the options describe them, for `check`.
+    a run would say or refuse of the devices as files in the options describe them, for `check`;
+    `contents(path, id)` what such a file describes, for a device's simulator.
     """
 
     options: type[Any]
@@ -259,6 +277,7 @@ class DriverPlugin(NamedTuple):
     plain: bool = False
     positions: bool = False
     foreseen: Callable[[Any, BusSpec], Sequence[str]] | None = None
+    contents: Callable[[str, int], Sequence[DescribedObject]] | None = None
 
 
 class Simulator(Protocol):

@@ -15,7 +15,7 @@ Fields = dict[str, str]
 _CODES = {"i1": 2, "i2": 3, "i4": 4, "u1": 5, "u2": 6, "u4": 7, "s": 9}
 
 
-def _one(kind: str, access: str, default: object, mapped: int = 0) -> Fields:
+def one_of(kind: str, access: str, default: object, mapped: int = 0) -> Fields:
     return {
         "ParameterName": "",
         "ObjectType": "0x7",
@@ -26,46 +26,52 @@ def _one(kind: str, access: str, default: object, mapped: int = 0) -> Fields:
     }
 
 
-def _objects() -> dict[Key, Fields]:
+def objects_of() -> dict[Key, Fields]:
     rw, ro = "rw", "ro"
     found = {
-        (0x1000, 0): _one("u4", ro, "0x00020192"), (0x1001, 0): _one("u1", ro, 0),
-        (0x1005, 0): _one("u4", rw, "0x80"), (0x1008, 0): _one("s", "const", "drive"),
-        (0x1010, 0): _one("u1", ro, 1), (0x1010, 1): _one("u4", rw, 1),
-        (0x1014, 0): _one("u4", rw, "$NODEID+0x80"), (0x1016, 0): _one("u1", ro, 1),
-        (0x1016, 1): _one("u4", rw, 0), (0x1017, 0): _one("u2", rw, 0),
-        (0x1018, 0): _one("u1", ro, 4), (0x1018, 1): _one("u4", ro, "0x999"),
-        (0x1018, 2): _one("u4", ro, "0x402"), (0x1018, 3): _one("u4", ro, "0x10000"),
-        (0x1018, 4): _one("u4", ro, 0),
-        (0x6007, 0): _one("i2", rw, 1), (0x603F, 0): _one("u2", ro, 0, 1),
-        (0x6040, 0): _one("u2", rw, 0, 1), (0x6041, 0): _one("u2", ro, 0, 1),
-        (0x605A, 0): _one("i2", rw, 2), (0x6060, 0): _one("i1", rw, 0, 1),
-        (0x6061, 0): _one("i1", ro, 0, 1), (0x6064, 0): _one("i4", ro, 0, 1),
-        (0x606C, 0): _one("i4", ro, 0, 1), (0x6071, 0): _one("i2", rw, 0, 1),
-        (0x6072, 0): _one("u2", rw, 3000), (0x6075, 0): _one("u4", rw, 2000),
-        (0x6076, 0): _one("u4", rw, 640), (0x6077, 0): _one("i2", ro, 0, 1),
-        (0x608F, 0): _one("u1", ro, 2), (0x608F, 1): _one("u4", rw, 8192),
-        (0x608F, 2): _one("u4", rw, 1), (0x60C2, 0): _one("u1", ro, 2),
-        (0x60C2, 1): _one("u1", rw, 1), (0x60C2, 2): _one("i1", rw, -3),
-        (0x60FF, 0): _one("i4", rw, 0, 1), (0x6502, 0): _one("u4", ro, "0x3A5"),
+        (0x1000, 0): one_of("u4", ro, "0x00020192"), (0x1001, 0): one_of("u1", ro, 0),
+        (0x1005, 0): one_of("u4", rw, "0x80"), (0x1008, 0): one_of("s", "const", "drive"),
+        (0x1010, 0): one_of("u1", ro, 1), (0x1010, 1): one_of("u4", rw, 1),
+        (0x1014, 0): one_of("u4", rw, "$NODEID+0x80"), (0x1016, 0): one_of("u1", ro, 1),
+        (0x1016, 1): one_of("u4", rw, 0), (0x1017, 0): one_of("u2", rw, 0),
+        (0x1018, 0): one_of("u1", ro, 4), (0x1018, 1): one_of("u4", ro, "0x999"),
+        (0x1018, 2): one_of("u4", ro, "0x402"), (0x1018, 3): one_of("u4", ro, "0x10000"),
+        (0x1018, 4): one_of("u4", ro, 0),
+        (0x6007, 0): one_of("i2", rw, 1), (0x603F, 0): one_of("u2", ro, 0, 1),
+        (0x6040, 0): one_of("u2", rw, 0, 1), (0x6041, 0): one_of("u2", ro, 0, 1),
+        (0x605A, 0): one_of("i2", rw, 2), (0x6060, 0): one_of("i1", rw, 0, 1),
+        (0x6061, 0): one_of("i1", ro, 0, 1), (0x6064, 0): one_of("i4", ro, 0, 1),
+        (0x606C, 0): one_of("i4", ro, 0, 1), (0x6071, 0): one_of("i2", rw, 0, 1),
+        (0x6072, 0): one_of("u2", rw, 3000), (0x6075, 0): one_of("u4", rw, 2000),
+        (0x6076, 0): one_of("u4", rw, 640), (0x6077, 0): one_of("i2", ro, 0, 1),
+        (0x608F, 0): one_of("u1", ro, 2), (0x608F, 1): one_of("u4", rw, 8192),
+        (0x608F, 2): one_of("u4", rw, 1), (0x60C2, 0): one_of("u1", ro, 2),
+        (0x60C2, 1): one_of("u1", rw, 1), (0x60C2, 2): one_of("i1", rw, -3),
+        (0x60FF, 0): one_of("i4", rw, 0, 1), (0x6502, 0): one_of("u4", ro, "0x3A5"),
     }  # fmt: skip
     for number in range(4):
         for base, first in ((0x1400, 0x200), (0x1800, 0x180)):
             at, cob_id = base + number, first + 0x100 * number
-            found |= {(at, 0): _one("u1", ro, 5), (at, 2): _one("u1", rw, 255)}
+            found |= {(at, 0): one_of("u1", ro, 5), (at, 2): one_of("u1", rw, 255)}
             off = "0x80000000+" if number else ""
-            found[at, 1] = _one("u4", rw, f"{off}$NODEID+0x{cob_id:X}")
-            found |= {(at, 3): _one("u2", rw, 0), (at, 5): _one("u2", rw, 0)}
-            found[at + 0x200, 0] = _one("u1", rw, 1)
+            found[at, 1] = one_of("u4", rw, f"{off}$NODEID+0x{cob_id:X}")
+            found |= {(at, 3): one_of("u2", rw, 0), (at, 5): one_of("u2", rw, 0)}
+            found[at + 0x200, 0] = one_of("u1", rw, 1)
             word = "0x60400010" if base == 0x1400 else "0x60410010"
-            found[at + 0x200, 1] = _one("u4", rw, word)
-            found |= {(at + 0x200, sub): _one("u4", rw, 0) for sub in range(2, 9)}
+            found[at + 0x200, 1] = one_of("u4", rw, word)
+            found |= {(at + 0x200, sub): one_of("u4", rw, 0) for sub in range(2, 9)}
     for (index, sub), fields in found.items():
         fields["ParameterName"] = f"Object {index:04X}" + (f" {sub}" if sub else "")
     return found
 
 
-def _text(objects: Mapping[Key, Fields], info: Mapping[str, str], *, sub: str = "sub") -> str:
+INFO = {"VendorName": "a vendor", "VendorNumber": "0x999", "ProductName": "drive",
+        "ProductNumber": "0x402"}  # fmt: skip
+
+
+def file_text(
+    objects: Mapping[Key, Fields], info: Mapping[str, str] = INFO, *, sub: str = "sub"
+) -> str:
     lines = ["[FileInfo]", "FileName=drive.eds", "EDSVersion=4.0", "[DeviceInfo]"]
     lines += [f"{key}={value}" for key, value in info.items()]
     indices = sorted({index for index, _ in objects})
@@ -83,118 +89,114 @@ def _text(objects: Mapping[Key, Fields], info: Mapping[str, str], *, sub: str = 
     return "\n".join(lines) + "\n"
 
 
-INFO = {"VendorName": "a vendor", "VendorNumber": "0x999", "ProductName": "drive",
-        "ProductNumber": "0x402"}  # fmt: skip
-
-
 def plain() -> bytes:
-    return _text(_objects(), INFO).encode()
+    return file_text(objects_of(), INFO).encode()
 
 
 def micronewtons() -> bytes:
     """The rated torque counts uN m; [DeviceInfo] has another product number than 1018h."""
-    objects = _objects()
+    objects = objects_of()
     objects[0x1018, 1]["DefaultValue"] = "0x000000FB"
     objects[0x6076, 0]["DefaultValue"] = "640000"
     info = INFO | {"VendorNumber": "251", "ProductNumber": "402"}
-    return _text(objects, info).replace("\n", "\r\n").encode()
+    return file_text(objects, info).replace("\n", "\r\n").encode()
 
 
 def tenths_of_degrees() -> bytes:
     """Positions come in 0.1 degree; encoder and gear are in the file all the same."""
-    objects = _objects()
-    objects[0x60A8, 0] = _one("u4", "rw", "0xFF410000")
+    objects = objects_of()
+    objects[0x60A8, 0] = one_of("u4", "rw", "0xFF410000")
     objects[0x608F, 1]["DefaultValue"] = "4000"
     for fields in objects.values():
         del fields["PDOMapping"]
-    return _text(objects, INFO, sub="Sub").encode()
+    return file_text(objects, INFO, sub="Sub").encode()
 
 
 def factors_of_edition_two() -> bytes:
     """Scales of the old edition, `//` comments, upper-case SUB, objects of its own by hundreds."""
-    objects = _objects() | {(0x6093, 0): _one("u1", "ro", 2)}
-    objects |= {(0x6093, 1): _one("u4", "rw", 1), (0x6093, 2): _one("u4", "rw", 1)}
-    objects |= {(0x2100 + at, 0): _one("u4", "rw", at) for at in range(200)}
-    return ("// made by a setup tool\n" + _text(objects, INFO, sub="SUB")).encode()
+    objects = objects_of() | {(0x6093, 0): one_of("u1", "ro", 2)}
+    objects |= {(0x6093, 1): one_of("u4", "rw", 1), (0x6093, 2): one_of("u4", "rw", 1)}
+    objects |= {(0x2100 + at, 0): one_of("u4", "rw", at) for at in range(200)}
+    return ("// made by a setup tool\n" + file_text(objects, INFO, sub="SUB")).encode()
 
 
 def quiet_on_loss() -> bytes:
     """Nothing says what it does when its master is lost; access rights and names are missing."""
-    objects = _objects()
+    objects = objects_of()
     del objects[0x6007, 0]
     for fields in objects.values():
         fields.pop("ParameterName")
         if fields["AccessType"] == "rw":
             del fields["AccessType"]
-    return _text(objects, INFO).encode()
+    return file_text(objects, INFO).encode()
 
 
 def no_motor_yet() -> bytes:
     """It comes without motor data: rated torque 0, one increment a turn; names in GBK."""
-    objects = _objects()
+    objects = objects_of()
     objects[0x6076, 0]["DefaultValue"] = objects[0x6075, 0]["DefaultValue"] = "0"
     objects[0x608F, 1]["DefaultValue"] = "1"
     objects[0x6064, 0]["ParameterName"] = "位置"
-    return _text(objects, INFO).encode("gbk")
+    return file_text(objects, INFO).encode("gbk")
 
 
 def wide_text() -> bytes:
     """UTF-16; sums around the node id written backwards; modes left blank."""
-    objects = _objects()
+    objects = objects_of()
     objects[0x6502, 0]["DefaultValue"] = ""
     objects[0x1400, 1]["DefaultValue"] = "0x200 + $NodeID"
-    return _text(objects, INFO).encode("utf-16")
+    return file_text(objects, INFO).encode("utf-16")
 
 
 def two_axes() -> bytes:
     """A second axis from 6800h on, with PDOs 65 and more."""
-    objects = _objects()
+    objects = objects_of()
     second = {(i + 0x800, s): dict(f) for (i, s), f in objects.items() if 0x6000 <= i < 0x6800}
     objects |= second
     for base in (0x1440, 0x1840):
         objects |= {(base, sub): dict(objects[base & 0xFF00, sub]) for sub in (0, 1, 2, 3, 5)}
-    return _text(objects, INFO).encode("cp1252")
+    return file_text(objects, INFO).encode("cp1252")
 
 
 def stepper() -> bytes:
     """Profiles only: no cyclic torque."""
-    objects = _objects()
+    objects = objects_of()
     objects[0x6502, 0]["DefaultValue"] = "0x2F"
     del objects[0x6071, 0]
-    return _text(objects, INFO).encode()
+    return file_text(objects, INFO).encode()
 
 
 def fixed_pdos() -> bytes:
     """PDOs as the firmware has them: position control, and nothing for torque."""
-    objects = _objects()
+    objects = objects_of()
     for at, words in ((0x1600, (0x60400010, 0x607A0020)), (0x1A00, (0x60410010, 0x60640020))):
         objects = {key: f for key, f in objects.items() if key[0] != at}
-        objects[at, 0] = _one("u1", "const", len(words))
+        objects[at, 0] = one_of("u1", "const", len(words))
         objects |= {
-            (at, n): _one("u4", "const", f"0x{word:08X}") for n, word in enumerate(words, 1)
+            (at, n): one_of("u4", "const", f"0x{word:08X}") for n, word in enumerate(words, 1)
         }
-    return _text(objects, INFO).encode()
+    return file_text(objects, INFO).encode()
 
 
 def fixed_for_torque() -> bytes:
     """PDOs as the firmware has them: controlword and torque, and one object more that it sends."""
-    objects = _objects()
+    objects = objects_of()
     held = ((0x1600, (0x60400010, 0x60710010)), (0x1A00, (0x60410010, 0x60640020, 0x60770010)))
     for at, words in held:
         objects = {key: f for key, f in objects.items() if key[0] != at}
-        objects[at, 0] = _one("u1", "const", len(words))
+        objects[at, 0] = one_of("u1", "const", len(words))
         objects |= {
-            (at, n): _one("u4", "const", f"0x{word:08X}") for n, word in enumerate(words, 1)
+            (at, n): one_of("u4", "const", f"0x{word:08X}") for n, word in enumerate(words, 1)
         }
-    return _text(objects, INFO).encode()
+    return file_text(objects, INFO).encode()
 
 
 def inputs_and_outputs() -> bytes:
     """No drive at all: an I/O module that came in the same download."""
-    objects = {key: fields for key, fields in _objects().items() if key[0] < 0x6000}
+    objects = {key: fields for key, fields in objects_of().items() if key[0] < 0x6000}
     objects[0x1000, 0]["DefaultValue"] = "0x000F0191"
-    objects[0x6401, 1] = _one("i2", "ro", 0, 1)
-    return _text(objects, INFO).encode()
+    objects[0x6401, 1] = one_of("i2", "ro", 0, 1)
+    return file_text(objects, INFO).encode()
 
 
 class Family(NamedTuple):

@@ -8,6 +8,7 @@ from tautwave.contracts import CycleCost, DriverPlugin
 from tautwave_drivers.can.places import can_endpoint
 from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.driver import CanopenDriver
+from tautwave_drivers.canopen.files.contents import contents
 from tautwave_drivers.canopen.foresight import facts, foreseen
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.scan import ScanOptions, scan
@@ -35,6 +36,7 @@ plugin = DriverPlugin(
     files=(("nodes", "*", "eds"),),
     survey=survey,
     foreseen=foreseen,
+    contents=contents,
 )
 
 __all__ = ["CanopenDriver", "CanopenOptions", "ScanOptions", "plugin"]

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from enum import IntEnum
 from fractions import Fraction
 
+from tautwave.registry import load_driver
+from tautwave_sim.canopen.described import follow
 from tautwave_sim.canopen.dictionary import (
     NOT_STORED,
     TOO_LOW,
@@ -87,7 +89,17 @@ class Device:
         self.tpdos = [Tpdo(self.objects, 0x1800 + n, configurable) for n in range(PDOS)]
         self._wire(node)
         self._scale(node)
+        if node.eds is not None:
+            self._follow(node, node.eds)
         self.objects.restore()
+
+    def _follow(self, node: NodeKeys, path: str) -> None:
+        """Be the drive of the file that the rig names for it."""
+        contents = load_driver("canopen").contents
+        assert contents is not None
+        modes = follow(self.objects, contents(path, node.id), identified=node.identity is not None)
+        if modes is not None:
+            self.drive.support(modes)
 
     def _scale(self, node: NodeKeys) -> None:
         """Show in the factor group what the motor is built from (CiA 402-2, 6076h to 6092h)."""

@@ -83,6 +83,11 @@ class Drive:
         objects.writers[0x6060, 0] = self._take_mode
         objects.writers[0x6098, 0] = self._take_homing_method
 
+    def support(self, word: int) -> None:
+        """Have the modes of a 6502h only."""
+        self.modes = tuple(mode for mode in self.modes if word >> mode - 1 & 1)
+        self.objects.readers[0x6502, 0] = lambda: word
+
     def restart(self) -> None:
         """Begin as after power-on."""
         self.objects.restore(0x6000)

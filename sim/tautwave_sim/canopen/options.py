@@ -123,6 +123,7 @@ class NodeKeys(_Shared):
     velocity_factor: Positive = 1.0
     identity: IdentityKeys | None = None
     effort_sensor: SensorKeys | None = None
+    eds: str | None = None
 
 
 class SimulatedCanopenOptions(_Shared):
