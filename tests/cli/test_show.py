@@ -18,19 +18,41 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
+from unicodedata import category
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tautwave.cli.rigs.talking import Screen
 from tautwave.cli.terminal import progress_bar
 from tautwave.cli.terminal.live import room
 from tautwave.cli.terminal.progress import Progress
 from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
+from tautwave.cli.terminal.streams import escaped, warn
 from tests.view.served import Run
 
 TABLE = Section(
     "Tracking", ("pair", ">rms"), [("wrist", "1.5 mrad"), ("elbow", Cell("12 µrad", "red"))]
 )
+
+
+def test_what_others_wrote_does_not_command_the_terminal(capfd: pytest.CaptureFixture[str]) -> None:
+    text = "drive \x1b[31m\x9b2J\a\u202eevil\ud800 \N{MICRO SIGN}m\n\tnext"
+    assert escaped(text) == "drive \\x1b[31m\\x9b2J\\x07\\u202eevil\\ud800 \N{MICRO SIGN}m\n\tnext"
+    assert list(plain_lines(Section("a\x1b[2J", ("b",), [("c\x1b]0;t\a",)]))) == [
+        "a\\x1b[2J", "  b", "  c\\x1b]0;t\\x07",
+    ]  # fmt: skip
+    warn("bus \x1b[2J")
+    assert capfd.readouterr().err == "bus \\x1b[2J\n"
+
+
+@given(st.text())
+def test_what_is_printable_stays(text: str) -> None:
+    assert escaped(escaped(text)) == escaped(text)
+    if text.isprintable():
+        assert escaped(text) == text
+    assert all(one.isprintable() or category(one)[0] in "CZ" for one in escaped(text))
 
 
 def test_plain_tables_are_aligned() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import queue
 import socket
+import ssl
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -148,6 +149,35 @@ def test_an_expired_certificate_is_refused_on_both_sides(
     one, two = sentences(*meet(listener, serving(tmp_path / "old"), dialling(tmp_path / "old")))
     assert "it reports that our certificate has expired; create new keys" in one
     assert "its certificate has expired; create new keys" in two
+
+
+def test_a_certificate_of_the_future_names_the_clock_on_both_sides(
+    listener: socket.socket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    later = datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=4)
+    clock = SimpleNamespace(now=lambda zone: later)
+    shifted = SimpleNamespace(datetime=clock, timedelta=datetime.timedelta, UTC=datetime.UTC)
+    monkeypatch.setattr(certificates, "datetime", shifted)
+    make_authority(tmp_path / "new", ["master", "slave"])
+    one, two = sentences(*meet(listener, serving(tmp_path / "new"), dialling(tmp_path / "new")))
+    assert "or by its clock not valid yet" in one
+    assert "its certificate is not valid yet; compare the clocks" in two
+    assert f"here it is {datetime.datetime.now(datetime.UTC):%Y}" in two
+
+
+def test_no_ticket_lets_a_site_in_again(listener: socket.socket, keys: Path) -> None:
+    context = client_context(identity_files(keys / "ours", "master"))
+    sessions: list[ssl.SSLSession | None] = []
+    with Reception(listener, serving(keys / "ours"), lambda _: None):
+        for _ in range(2):
+            plain = socket.create_connection(listener.getsockname())
+            known = sessions[-1] if sessions else None
+            with context.wrap_socket(plain, server_hostname="slave", session=known) as secured:
+                secured.sendall(b"{}\n")
+                secured.recv(1000)  # with it tickets would have come
+                sessions.append(secured.session)
+                assert not secured.session_reused
+    assert sessions[0] is None or not sessions[0].has_ticket
 
 
 def test_a_site_without_a_certificate_is_refused_on_both_sides(

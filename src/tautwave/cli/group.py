@@ -15,7 +15,7 @@ from typing import Any, cast
 import click
 
 from tautwave import __version__
-from tautwave.cli.terminal.streams import drop, open_streams, unheard
+from tautwave.cli.terminal.streams import drop, escaped, open_streams, unheard
 from tautwave.errors import ConfigError, TautwaveError, WritingError
 from tautwave.files import create, reason
 
@@ -145,7 +145,7 @@ def command_line(ctx: click.Context) -> str:
 def _say(sentence: str) -> None:
     """Print on stderr; if that is closed or full, the exit code still tells."""
     with unheard(sys.stderr):
-        click.echo(sentence, err=True)
+        click.echo(escaped(sentence), err=True)
 
 
 def _has_bench() -> bool:

@@ -126,7 +126,7 @@ def run(
     from tautwave.cli.terminal.progress import Progress
     from tautwave.cli.terminal.serve_page import page_beside
     from tautwave.cli.terminal.show import show
-    from tautwave.cli.terminal.streams import unheard, warn
+    from tautwave.cli.terminal.streams import escaped, unheard, warn
     from tautwave.cli.terminal.summary import summary_sections
     from tautwave.config import load_rig
     from tautwave.summary import summary_of
@@ -186,7 +186,7 @@ def run(
         if played:
             click.echo(played, err=True)
         if result.exit_code:
-            click.echo(last_line(loaded.name, summary, result.exit_code), err=True)
+            click.echo(escaped(last_line(loaded.name, summary, result.exit_code)), err=True)
     ctx.exit(result.exit_code)
 
 

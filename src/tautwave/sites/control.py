@@ -6,6 +6,7 @@ each other's name before anything else is sent. A refusal gives a message on bot
 
 from __future__ import annotations
 
+import datetime
 import json
 import secrets
 import socket
@@ -61,7 +62,12 @@ def _shown(value: Any) -> str:
 
 def server_context(files: Identity) -> ssl.SSLContext:
     """Return what a serving site speaks: TLS 1.3, and the other one's certificate is required."""
-    return _context(ssl.PROTOCOL_TLS_SERVER, files)
+    context = _context(ssl.PROTOCOL_TLS_SERVER, files)
+    # No tickets: with one the other site would get in without its certificate, also when that is
+    # over. Each session draws its keys anew, so there is nothing to save.
+    context.num_tickets = 0
+    context.options |= ssl.OP_NO_TICKET
+    return context
 
 
 def client_context(files: Identity) -> ssl.SSLContext:
@@ -448,7 +454,8 @@ ALERTS = {
     "authority.pem",
     "CERTIFICATE_EXPIRED": "it reports that our certificate has expired; create new keys",
     "CERTIFICATE_REQUIRED": "it requires a certificate and received none",
-    "BAD_CERTIFICATE": "it refused our certificate: another name than it expects",
+    "BAD_CERTIFICATE": "it refused our certificate: another name than it expects, or by its clock "
+    "not valid yet",
     "PEER_DID_NOT_RETURN_A_CERTIFICATE": "it has no certificate",
     "WRONG_VERSION_NUMBER": "it does not speak TLS",
     "HTTP_REQUEST": "it speaks HTTP instead of TLS 1.3",
@@ -458,6 +465,8 @@ ALERTS = {
 """What the last word of a TLS error means."""
 
 
+NOT_YET_VALID = 9
+"""OpenSSL's X509_V_ERR_CERT_NOT_YET_VALID."""
 HOSTNAME_MISMATCH = 62
 """OpenSSL's X509_V_ERR_HOSTNAME_MISMATCH."""
 
@@ -467,6 +476,12 @@ def _why(err: OSError) -> str:
     if isinstance(err, ssl.SSLCertVerificationError):
         if "expired" in err.verify_message:
             return "its certificate has expired; create new keys"
+        if err.verify_code == NOT_YET_VALID:
+            now = datetime.datetime.now(datetime.UTC)
+            return (
+                "its certificate is not valid yet; compare the clocks of the machines and the one "
+                f"on which the keys were made (here it is {now:%Y-%m-%d %H:%M} UTC)"
+            )
         if err.verify_code == HOSTNAME_MISMATCH:
             return "its certificate belongs to another site"
         return f"its certificate was not issued by our authority ({err.verify_message})"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import click
 
-from tautwave.cli.terminal.streams import unheard
+from tautwave.cli.terminal.streams import escaped, unheard
 
 GOOD, BAD, NOTE, FAINT = "green", "bold red", "yellow", "dim"
 
@@ -53,7 +53,7 @@ def show(sections: Sequence[Section]) -> None:
 def plain_lines(section: Section) -> Iterator[str]:
     """`section` as aligned text, with our own text in ASCII."""
     if section.title:
-        yield plain(section.title)
+        yield plain(escaped(section.title))
     rows = [[plain(_text(cell)) for cell in row] for row in section.rows]
     headers = [name.lstrip(">") for name in section.columns]
     if any(headers):
@@ -100,7 +100,7 @@ def plain(text: str) -> str:
 
 
 def _text(cell: str | Cell) -> str:
-    return cell.text if isinstance(cell, Cell) else cell
+    return escaped(cell.text if isinstance(cell, Cell) else cell)
 
 
 def _show_rich(sections: Sequence[Section]) -> None:
@@ -112,7 +112,7 @@ def _show_rich(sections: Sequence[Section]) -> None:
     console = Console(highlight=False)
     for section in sections:
         if section.title:
-            console.print(Text(section.title, style=section.style))
+            console.print(Text(escaped(section.title), style=section.style))
         if not section.rows:
             continue
         named = any(name.strip(">") for name in section.columns)

@@ -7,8 +7,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TextIO
+from unicodedata import category
 
 import click
+
+UNSEEN = ("Cc", "Cf", "Cs")
+"""Categories of characters that are none to read: control, format, half ones."""
 
 
 def open_streams() -> None:
@@ -43,7 +47,23 @@ def unheard(stream: TextIO, ignored: type[OSError] = OSError) -> Iterator[None]:
 def warn(sentence: str) -> None:
     """Say what a user has to know before anything moves, also where the rest is quiet."""
     with unheard(sys.stderr):
-        click.echo(sentence, err=True)
+        click.echo(escaped(sentence), err=True)
+
+
+def escaped(text: str) -> str:
+    """Return text in which nothing is left that a terminal obeys or that turns its order.
+
+    A name in a file, the head of a table or what a device says of itself may hold anything.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        one if one in "\n\t" or category(one) not in UNSEEN else _escape(one) for one in text
+    )
+
+
+def _escape(letter: str) -> str:
+    return letter.encode("unicode_escape", "surrogatepass").decode()
 
 
 def drop(stream: TextIO) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from ipaddress import ip_address
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from tautwave.config.keys.common import Block, NonNegative, Positive
 from tautwave.config.keys.operate import Resting
@@ -12,6 +13,19 @@ from tautwave.config.keys.operate import Resting
 SideName = Literal["master", "slave"]
 PORT = 7447
 Port = Annotated[int, Field(ge=1, le=65535)]
+
+
+def _no_port(bind: str) -> str:
+    """Refuse an address with a port, which belongs to both sites."""
+    if ":" in bind:
+        try:
+            ip_address(bind)
+        except ValueError:
+            raise ValueError(
+                "an address without a port, such as 10.0.0.2 or ::1; the port is sites.port (got "
+                f"{bind!r})"
+            ) from None
+    return bind
 
 
 class Site(Block):
@@ -22,7 +36,7 @@ class Site(Block):
         description="Name or address at which the other site reaches this one; required for the "
         "serving site.",
     )
-    bind: str = Field(
+    bind: Annotated[str, AfterValidator(_no_port)] = Field(
         default="", description="Address to listen on; empty: all addresses of this machine."
     )
     keys: Annotated[str, Field(min_length=1)] = Field(
