@@ -40,6 +40,7 @@ class Drive:
         self.words |= {0: 0x5457, 1: 1, 41: 1, 44: 1000}
         self.stubborn = stubborn
         self.position = self.speed = 0.0
+        self.shown = 0.0  # when it was last asked
         self.now_ns = self.heard_ns = 0
         self.unguarded = False
         self.eager = False
@@ -96,6 +97,8 @@ class Drive:
         places = range(address, address + count)
         if not all(place in self.words for place in places):
             return bytes((function | 0x80, NO_ADDRESS))
+        if POSITION in places:
+            self.shown = self.position
         data = struct.pack(f">{count}H", *(self.words[place] for place in places))
         return bytes((function, len(data))) + data
 
@@ -120,7 +123,8 @@ class DriveLine:
     `echo`: what is sent comes back, `cut`: nothing arrives any more; `resets`: how many connections
     break at the next write to a control register; `connections` counts those made, `requests` what
     was asked, and `on_request` is called with that before each. `spoil` makes another frame of what
-    a drive answers, `refuse` an exception code of a request, 0 for none.
+    a drive answers, `refuse` an exception code of a request, 0 for none; on a serial line `twin`
+    answers and obeys as unit 1 too.
     """
 
     def __init__(self, clock: Any, drives: dict[int, Drive], *, tcp: bool, echo: bool = False):
@@ -131,6 +135,7 @@ class DriveLine:
         self.on_request: Callable[[int], None] | None = None
         self.spoil: Callable[[bytes], bytes] = bytes
         self.refuse: Callable[[bytes], int] = lambda pdu: 0
+        self.twin: Drive | None = None
         self.connections = 0
 
     def port(self, endpoint: str) -> Port:
@@ -184,6 +189,9 @@ class Port:
         if pdu:
             whole = frame[:1] + pdu
             self.coming.append((now_ns + 500_000, self.line.spoil(whole + crc16(whole))))
+        if self.line.twin is not None and frame[0] == 1:
+            other = frame[:1] + self.line.twin.respond(frame[1:-2])
+            self.coming.append((now_ns + 2_500_000, other + crc16(other)))
         return False
 
     def _answer(self, unit: int, pdu: bytes, now_ns: int) -> bytes:

@@ -27,7 +27,7 @@ from tautwave_drivers.dynamixel.budget import BITS_PER_BYTE
 from tautwave_drivers.dynamixel.fast_path import FastPath, Values
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.fast import FastStatus
-from tautwave_drivers.dynamixel.protocol.messages import cause_of
+from tautwave_drivers.dynamixel.protocol.messages import OF_OTHERS, cause_of
 from tautwave_drivers.dynamixel.protocol.registers import Register
 
 SLACK_NS = 100_000
@@ -247,6 +247,8 @@ class Exchange:
                 self.wrong[index].clear()
             elif not self.refusals.get(index, 0) & ~packet.ALERT:
                 cause = cause_of(self._heard, self._ids[index], self._index)
+                if cause is None and index in self._doubtful:
+                    cause = OF_OTHERS
                 if cause is not None:
                     self.wrong[index][cause] += 1
 

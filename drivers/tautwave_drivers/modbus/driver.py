@@ -19,7 +19,7 @@ from tautwave.types import AxisCommand, CommandDelay, JointState
 from tautwave_drivers.modbus.budget import rounds
 from tautwave_drivers.modbus.enabling import Enabling
 from tautwave_drivers.modbus.leaving import leave, leave_again
-from tautwave_drivers.modbus.line.client import Client, check_echo
+from tautwave_drivers.modbus.line.client import Client, check_alone, check_echo
 from tautwave_drivers.modbus.line.links import Links
 from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.line.tcp import TcpLink
@@ -115,6 +115,8 @@ class ModbusDriver(DriverBase):
             if isinstance(link, RtuLink):
                 until = self._clock.now_ns() + round(1e9 * self._timeout_s)
                 check_echo(link, self._clock, stations[0], until, expected=self._options.echo)
+                for station in stations:
+                    check_alone(link, self._clock, station, round(1e9 * self._timeout_s))
             for station in stations:
                 bringup = Bringup(
                     station, client, self._options, self._bus, self._clock, self.notes

@@ -7,13 +7,15 @@ test.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import random
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import pytest
 
 from tautwave.clock import FakeClock
 from tautwave.contracts import Driver
+from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, CommandDelay, JointState
 
 PERIOD_NS = 1_000_000
@@ -27,6 +29,11 @@ class DriverBench(NamedTuple):
     `position(axis)` is its true position. `names` are the axes' full names; `cut()` cuts the line,
     so that nothing the host sends arrives any more. Leave both out where no device outlives the
     host.
+
+    What else may happen to a device, each left out where it cannot: `forget(axis, span_ns)` takes
+    its power for so long, and with it what was set in it; `stick(axis)` has it answer and stay on,
+    whatever it is told; `spoil()` has each answer be another's, or to another question; `twin()`,
+    before `open`, puts a second device on the line that obeys the commands of the first axis.
     """
 
     driver: Driver
@@ -36,6 +43,38 @@ class DriverBench(NamedTuple):
     position: Callable[[int], float]
     names: tuple[str, ...] = ()
     cut: Callable[[], None] | None = None
+    forget: Callable[[int, int], None] | None = None
+    stick: Callable[[int], None] | None = None
+    spoil: Callable[[], None] | None = None
+    twin: Callable[[], None] | None = None
+
+
+def strike(clock: FakeClock, at_ns: int, blow: Callable[[], None]) -> None:
+    """Have something happen at a time, also within `open`: when the clock is next looked at."""
+    pending = [blow]
+
+    def now_ns() -> int:
+        now = FakeClock.now_ns(clock)
+        if pending and now >= at_ns:
+            pending.pop()()
+        return now
+
+    clock.now_ns = now_ns  # type: ignore[method-assign]
+
+
+def strokes(bring_up_ns: int, count: int) -> Iterator[int]:
+    """Yield times from `open` on [ns]: over bring-up, the first 50 cycles after it, and 20 drawn.
+
+    `count` of each third; 0: every cycle of the first two.
+    """
+    cycles = bring_up_ns // PERIOD_NS
+    step = max(1, cycles // count) if count else 1
+    yield from range(0, bring_up_ns, step * PERIOD_NS)
+    run = 50 // count if count else 1
+    yield from range(bring_up_ns, bring_up_ns + 50 * PERIOD_NS, run * PERIOD_NS)
+    draw = random.Random(bring_up_ns)
+    for _ in range(count or 20):
+        yield bring_up_ns + draw.randrange(50 * PERIOD_NS, 300 * PERIOD_NS)
 
 
 def cycle(bench: DriverBench, commands: list[AxisCommand] | None = None) -> list[JointState]:
@@ -68,7 +107,13 @@ def push(bench: DriverBench, value: float) -> list[AxisCommand]:
 
 
 class DriverContract:
-    """The suite; pytest collects the subclasses."""
+    """The suite; pytest collects the subclasses.
+
+    `forgets_at`: at how many cycles of bring-up, of the first 50 of a run, and of later ones, power
+    goes in the longest test; 0: at every one of bring-up and of those 50.
+    """
+
+    forgets_at = 0
 
     @pytest.fixture
     def bench(self) -> DriverBench:
@@ -207,3 +252,106 @@ class DriverContract:
         assert all(bench.driver.unconfirmed.values())
         bench.driver.close()
         assert set(bench.driver.unconfirmed) == set(bench.names)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize(
+        ("span_ms", "count"),
+        [
+            (50, 2),
+            pytest.param(50, 0, marks=pytest.mark.long),
+            pytest.param(500, 4, marks=pytest.mark.long),
+            pytest.param(5000, 2, marks=pytest.mark.long),
+        ],
+    )
+    def test_a_device_that_forgets_in_the_middle_is_told_or_obeys(
+        self, bench: DriverBench, span_ms: int, count: int
+    ) -> None:
+        """Whenever its power goes and comes back, no device is taken for enabled that is not."""
+        if bench.forget is None:
+            pytest.skip("no device here can forget")
+        enable(bench)
+        bench.driver.close()
+        began = bench.clock.now_ns()
+        enable(bench)
+        bring_up_ns = bench.clock.now_ns() - began
+        bench.driver.close()
+        axis = len(bench.causality) - 1
+        for after_ns in strokes(bring_up_ns, count or self.forgets_at):
+            told = self._forgetting(bench, axis, after_ns, span_ms * 1_000_000)
+            assert told or after_ns <= bring_up_ns, f"after {after_ns * 1e-6:g} ms"
+
+    def _forgetting(self, bench: DriverBench, axis: int, after_ns: int, span_ns: int) -> bool:
+        """Have a device forget; return whether that was told. It obeys at the end, or is off."""
+        clock, forget = bench.clock, bench.forget
+        assert forget is not None
+        at_ns = clock.now_ns() + after_ns
+        strike(clock, at_ns, lambda: forget(axis, span_ns))
+        told = False
+        try:
+            enable(bench)
+            until_ns = max(at_ns + span_ns + 300 * PERIOD_NS, clock.now_ns() + 50 * PERIOD_NS)
+            while not told and clock.now_ns() < until_ns:
+                sign = 1.0 if clock.now_ns() // (20 * PERIOD_NS) % 2 else -1.0
+                cycle(bench, push(bench, 0.3 * sign))
+                told = any(fault.fatal for fault in bench.driver.faults())
+            if not told:
+                states = cycle(bench, push(bench, 0.3))
+                assert states[axis].valid
+                assert bench.commanded(axis) != 0.0, "it was taken for enabled and is not"
+        except DriverError:
+            told = True
+        finally:
+            bench.driver.close()
+        clock.sleep_until(max(clock.now_ns(), at_ns + span_ns) + 1_000_000_000)
+        for which in range(len(bench.causality)):
+            assert bench.commanded(which) == 0.0
+        return told
+
+    def test_a_device_that_does_not_switch_off_is_named_and_its_watchdog_stays_armed(
+        self, bench: DriverBench
+    ) -> None:
+        if bench.stick is None:
+            pytest.skip("no device here can stay on")
+        enable(bench)
+        for _ in range(5):
+            cycle(bench, push(bench, 0.5))
+        bench.stick(0)
+        name = bench.names[0]
+        watchdog_s = bench.driver.watchdog_s.get(name)
+        bench.driver.close()
+        assert set(bench.driver.unconfirmed) == {name}
+        if watchdog_s is not None:
+            bench.clock.sleep_until(bench.clock.now_ns() + round(1e9 * watchdog_s) + 2 * PERIOD_NS)
+            assert bench.commanded(0) == 0.0
+
+    def test_somebody_elses_words_are_no_samples_and_are_told_from_silence(
+        self, bench: DriverBench
+    ) -> None:
+        if bench.spoil is None:
+            pytest.skip("no answer here can be another's")
+        enable(bench)
+        for _ in range(5):
+            cycle(bench, push(bench, 0.1))
+        bench.spoil()
+        cycle(bench, push(bench, 0.1))
+        told = set()
+        for _ in range(10):
+            states = cycle(bench, push(bench, 0.1))
+            assert not any(state.valid for state in states)
+            told |= {fault.axis for fault in bench.driver.faults() if fault.fatal}
+        misses = dict(getattr(bench.driver, "misses", {}))
+        assert told | set(misses) == set(bench.names)
+        assert all(misses.values())
+        bench.driver.close()
+        for axis, name in enumerate(bench.names):
+            assert bench.commanded(axis) == 0.0 or name in bench.driver.unconfirmed
+
+    def test_a_command_that_reaches_two_devices_is_refused(self, bench: DriverBench) -> None:
+        if bench.twin is None:
+            pytest.skip("no command here can reach two devices")
+        bench.twin()
+        with pytest.raises(DriverError):
+            enable(bench)
+        bench.driver.close()
+        for axis in range(len(bench.causality)):
+            assert bench.commanded(axis) == 0.0

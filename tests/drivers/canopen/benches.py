@@ -182,4 +182,5 @@ def contract_bench(rig: Rig, causality: tuple[str, ...]) -> DriverBench:
         lambda axis: rig.world.axes[axis].physics.x,
         tuple(axis.name for axis in rig.bus.axes),
         cut,
+        lambda axis, span_ns: devices[axis].power_on(FakeClock.now_ns(rig.clock), span_ns),
     )

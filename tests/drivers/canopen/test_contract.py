@@ -27,6 +27,8 @@ def case(request: pytest.FixtureRequest) -> tuple[tuple[str, ...], dict[str, Any
 
 
 class TestCanopen(DriverContract):
+    forgets_at = 6  # a second each
+
     @pytest.fixture
     def bench(self, case: tuple[tuple[str, ...], dict[str, Any]]) -> DriverBench:  # type: ignore[override]
         causality, options = case

@@ -77,6 +77,7 @@ BAD_CRC = Cause(
 )
 OF_LENGTH = Cause("of another length", "is another program on the line?")
 TWICE = Cause("from two servos with one id", "give one of them another id")
+OF_OTHERS = Cause("of servos that were not asked", "give each servo its own id")
 NO_PACKETS = Cause(
     "no packets of protocol 2.0", "check baud; servos of other makers speak another protocol"
 )

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from tautwave.types import AxisCommand
 from tautwave_drivers.dynamixel.options import Servo
 from tautwave_drivers.dynamixel.protocol.models import COUNTS_PER_TURN, LOAD_UNIT, VELOCITY_UNIT
+from tautwave_drivers.turns import turns_back
 
 CURRENT_RANGE = 32_767
 
@@ -45,16 +46,13 @@ def whole_turns(scale: Scale, counts: int, position_range: tuple[float, float]) 
 
     0 where it is within its range, or no number of turns brings it there; None where several do.
     """
-    low, high = position_range
     position = scale.direction * (counts - scale.zero_counts) * scale.position
-    if low <= position <= high:
+    geared = math.tau / (COUNTS_PER_TURN * scale.position)
+    low, high = (geared * end for end in position_range)
+    back = turns_back(geared * position, (low, high))
+    if not back or back[0] == 0:
         return 0
-    turn = scale.direction * COUNTS_PER_TURN * scale.position
-    ends = sorted(((position - low) / turn, (position - high) / turn))
-    first, last = math.ceil(ends[0]), math.floor(ends[1])
-    if first > last:
-        return 0
-    return first if first == last else None
+    return -scale.direction * back[0] if len(back) == 1 else None
 
 
 def scale_of(servo: Servo) -> Scale:

@@ -6,7 +6,7 @@ from tautwave.contracts import Clock
 from tautwave.errors import BusTimeout, DriverError
 from tautwave_drivers.modbus.line.link import Link
 from tautwave_drivers.modbus.line.rtu import RtuLink
-from tautwave_drivers.modbus.protocol.frames import REFUSED, Request, rtu_request
+from tautwave_drivers.modbus.protocol.frames import REFUSED, Request, rtu_request, take_rtu
 from tautwave_drivers.modbus.protocol.transaction import Transaction
 from tautwave_drivers.modbus.sequence import Procedure, is_busy
 from tautwave_drivers.modbus.station import Station
@@ -43,6 +43,33 @@ def request_once(link: Link, clock: Clock, unit: int, request: Request, limit_ns
     if link.lost:
         raise DriverError(link.lost)
     return transaction.responses[0] if transaction.responses else b""
+
+
+def check_alone(link: RtuLink, clock: Clock, station: Station, span_ns: int) -> None:
+    """See that one drive only answers as a unit of a line: both would obey its commands.
+
+    Raises
+    ------
+    DriverError
+        Two answer, or the line is lost.
+    """
+    request = station.codec.read(station.device.profile.roles["status"])
+    link.heard = bytearray()
+    request_once(link, clock, station.device.unit, request, clock.now_ns() + span_ns)
+    until = clock.now_ns() + span_ns // 2
+    while clock.now_ns() < until and link.port is not None:
+        clock.wait(link.port, until)
+        link.pump()
+    heard, link.heard = bytes(link.heard), None
+    answers = 0
+    while heard and (pdu := take_rtu(heard, station.device.unit, request)) is not None:
+        answers += 1
+        heard = heard.partition(pdu)[2]
+    if answers > 1:
+        raise DriverError(
+            f"{station.label}: {answers} drives answer as unit {station.device.unit} at "
+            f"{station.device.endpoint}, so its commands would move all of them; give each its own"
+        )
 
 
 def check_echo(
