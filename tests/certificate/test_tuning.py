@@ -178,8 +178,9 @@ def test_the_certificate_says_by_what_a_law_holds() -> None:
         "the ends of lever are not moved apart while it engages; with velocity limits",
     ]
     slow = [f"{side}.axes.lever.velocity_limit=20" for side in ("master", "slave")]
+    prompt = "loop.overrun_limit=4"
     limited = element(
-        certified(line, soft, *slow, name="bench-position-coupling"), "coupling of lever"
+        certified(line, soft, *slow, prompt, name="bench-position-coupling"), "coupling of lever"
     )
     assert not limited.passive.conditions
     assert "stalls of the host may supply up to" in limited.passive.reason
@@ -241,6 +242,32 @@ def rig_with(law: str, *changes: dict[str, object], slots: int = 0, **pair: obje
 def coupled(law: str, *changes: dict[str, object], slots: int = 0, **pair: object) -> Verdict:
     rig = rig_with(law, *changes, slots=slots, **pair)
     return element(certify(rig), "coupling of a").passive
+
+
+@pytest.mark.parametrize(
+    ("missed", "said", "remedy"),
+    [
+        (3, [], ""),
+        (30, ["no gap between samples of master.a is longer than 19 ms"], ""),
+        (3000, ["no gap between samples of master.a is longer than 19 ms"], "lower loop.missing_l"),
+    ],
+)
+def test_a_stall_that_gives_more_than_the_device_has_is_a_condition(
+    missed: int, said: list[str], remedy: str
+) -> None:
+    """A kinetic energy at the velocity limit; a hundred, and it is said what would lower it."""
+    change = {
+        f"{side}.axes.a.{key}": value
+        for side in ("master", "slave")
+        for key, value in {"velocity_limit": 10.0, "effort_rate_limit": 1e5}.items()
+    }
+    loop = {"loop": {"missing_limit": missed, "overrun_limit": 2}}
+    found = coupled("position", change, loop, {"master.axes.a.effort_limit": 100.0})
+    assert found.passed
+    of_master = [one for one in found.conditions if "master.a" in one]
+    assert [one.partition(" (")[0] for one in of_master] == said
+    assert all("times the 25 J that it has at its velocity limit" in one for one in of_master)
+    assert all(one.partition("; ")[2].startswith(remedy) for one in of_master)
 
 
 def clip_of(*changes: dict[str, object], **pair: object) -> tuple[float, float]:

@@ -116,6 +116,29 @@ def test_a_condition_that_the_run_did_not_keep_is_named_with_its_cycles(
     assert found.sentences[0] == "Passed, on conditions that this run did not meet."
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("stalls", [0.0, 0.02])
+def test_a_gap_longer_than_a_spring_s_condition_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stalls: float
+) -> None:
+    limits = {f"{side}.axes.a.velocity_limit": 0.5 for side in ("master", "slave")}
+    change = {
+        **EARLY,
+        **limits,
+        **{f"{side}.axes.a.effort_rate_limit": 1e5 for side in ("master", "slave")},
+        "coupling.pairs.a": {"stiffness": 60, "damping": 0.0},
+        "loop": {"missing_limit": 20, "overrun_limit": 30},
+        "simulation.faults": {"overrun_probability": stalls, "overrun_slots": 20},
+    }
+    done, summary = judged(tmp_path, monkeypatch, change, "--duration", "1")
+    assert done.exit_code == 0, done.output
+    said = summary["certificate"]["after_run"]["broken_conditions"]
+    assert bool(said) == (stalls > 0.0)
+    for one in said:
+        assert "if no gap between samples of" in one
+        assert one.endswith("; it had no sample for 21\u202fms.")
+
+
 STUCK = {
     "duration_s": 2.0,
     **EARLY,

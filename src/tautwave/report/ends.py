@@ -136,7 +136,7 @@ def ends_of(run: Run) -> Iterator[End]:
                 claim,
                 passed,
                 _beyond(run, axis, port / -weight, passed),
-                _longest_gap(run, axis),
+                longest_gap(run, axis),
                 stated_of(own, side),
             )
 
@@ -183,7 +183,7 @@ def _of_wall(run: Run, pair: str, side: str, weight: float) -> Floats:
     return found
 
 
-def _longest_gap(run: Run, axis: str) -> float:
+def longest_gap(run: Run, axis: str) -> float:
     """Return the longest time between two samples of an axis [s]."""
     if f"{axis}.position" not in run.columns:
         return 0.0

@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterator, Mapping
 
 from tautwave.allowance import AxisAllowance
-from tautwave.analysis.claim import joules
+from tautwave.analysis.claim import joules, short
 from tautwave.certificate.belief import SIDES, assumed
 from tautwave.certificate.tuning.two_port import Tuning
 from tautwave.config import Rig, local_wall
-from tautwave.rig import axis_allowance, pair_clip, pair_scale
+from tautwave.rig import axis_allowance, axis_claim, pair_clip, pair_scale
+from tautwave.rig.claim_verdict import STALL_PASSES, STALL_REFUSED, shorter_stall
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -39,6 +40,27 @@ def conditions_of(rig: Rig, pair: str, delays: Delays, found: Tuning) -> Iterato
                 f"no sample of {name} is lost and the host does not stall; with a velocity_limit "
                 "the energy that this supplies could be bounded"
             )
+        else:
+            yield from _of_gaps(rig, name, delays[name])
+
+
+def _of_gaps(rig: Rig, name: str, delay: CommandDelay) -> Iterator[str]:
+    """Yield a condition where a stall may give a device more than its own motion at the limit."""
+    claim = axis_claim(rig, name, delay)
+    most, stall = claim.kinetic, claim.let_go
+    if stall <= STALL_PASSES * most:
+        return
+    safe = claim.safe_gap()
+    said = f"no sample of {name} is lost and the host does not stall"
+    if safe > 0.0:
+        said = f"no gap between samples of {name} is longer than {1e3 * safe:.4g} ms"
+    said += (
+        f" (it may supply {joules(stall)} in one of {1e3 * claim.gap:.4g} ms, "
+        f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit)"
+    )
+    if stall > STALL_REFUSED * most:
+        said += f"; {shorter_stall(rig, name, claim)}"
+    yield said
 
 
 def _of_rate(
@@ -90,20 +112,13 @@ def _of_steps(rig: Rig, name: str, has: AxisAllowance) -> Iterator[str]:
 def stall_joules(rig: Rig, pair: str, delays: Delays) -> tuple[float, float] | None:
     """Return what lost samples and a stalled host may cost at either end [J], its device's.
 
-    An effort F that is held for h, at the velocity limit v and driving the device of mass m, gives
-    F (v h + F h^2 / 2 m); h counts the command's delay, what the host may miss, and the ramp to 0.
-    None where nothing bounds it.
+    None where nothing bounds it. See `analysis.claim` for the bound.
     """
-    found = []
-    for side in SIDES:
-        name = f"{side}.{pair}"
-        has = axis_allowance(rig, name, delays[name])
-        if math.isinf(has.velocity):
-            return None
-        push = has.shared_effort
-        held = has.blind + 0.5 * push / has.shared_rate
-        found.append(push * (has.velocity * held + 0.5 * push * held * held / has.inertia))
-    return found[0], found[1]
+    names = [f"{side}.{pair}" for side in SIDES]
+    claims = [axis_claim(rig, name, delays[name]) for name in names]
+    if any(math.isinf(min(claim.velocity, claim.travel)) for claim in claims):
+        return None
+    return claims[0].under_way, claims[1].under_way
 
 
 def stall_sentence(rig: Rig, pair: str, delays: Delays) -> str:

@@ -9,14 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.laws.limit import AT_LIMIT, CLIPPED, RATE_LIMITED, STOPPED
+from tautwave.report.ends import longest_gap
 from tautwave.report.run.rundir import Run, engaged_rows
-from tautwave.report.units import count, plural
+from tautwave.report.units import count, plural, quantity
+
+ROUNDING = 1e-3
+"""Relative: the digits with which a gap is stated."""
 
 Bits = npt.NDArray[np.int64]
 
 REACHED = re.compile(r"the effort_rate_limit of (\S+) is not reached")
 ASKED = re.compile(r"the coupling of (\S+) asks for no more than")
 STRONG = re.compile(r"the motor of (\S+) is not at its effort_limit while")
+GAP = re.compile(r"no gap between samples of (\S+) is longer than (\S+) ms")
 WHOLE = re.compile(r"no sample of (\S+) is lost and the host does not stall")
 """How the conditions begin that rows can tell, with the axis or pair that they are about."""
 
@@ -32,7 +37,9 @@ def broken_conditions(run: Run) -> Iterator[str]:
 
 def _broken(run: Run, condition: str) -> str:
     """Return how often a condition was not kept, as a clause; empty if it was, or if unknown."""
-    rate, clip, strong, whole = (one.match(condition) for one in (REACHED, ASKED, STRONG, WHOLE))
+    rate, clip, strong, gap, whole = (
+        one.match(condition) for one in (REACHED, ASKED, STRONG, GAP, WHOLE)
+    )
     axes, bits = [], 0
     if rate is not None:
         axes, bits = [rate[1]], RATE_LIMITED
@@ -40,6 +47,10 @@ def _broken(run: Run, condition: str) -> str:
         axes, bits = [f"{side}.{clip[1]}" for side in run.sides], CLIPPED
     elif strong is not None:
         axes, bits = [strong[1]], AT_LIMIT
+    elif gap is not None:
+        longest = longest_gap(run, gap[1])
+        if longest > 1e-3 * float(gap[2]) * (1.0 + ROUNDING):
+            return f"it had no sample for {quantity(longest, 's', 3)}"
     elif whole is not None:
         axis = run.result.axes.get(whole[1])
         lost = 0 if axis is None else axis.lost or 0
