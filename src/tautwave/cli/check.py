@@ -22,6 +22,7 @@ from tautwave.cli.options import (
     simulate_option,
     site_option,
 )
+from tautwave.cli.terminal.alike import folded_alike
 from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, plain_text, show
 from tautwave.files import make_directory, write_text, writing
 
@@ -135,7 +136,7 @@ def check_sections(name: str, result: Any, verbose: bool = False) -> list[Sectio
         ]
     # Pairs and axes have separate tables.
     rows = {f"pair {row[0]}" for row in result.pairs} | {row[0] for row in result.axes}
-    brief = _folded([(label, value) for label, value in facts if label not in rows])
+    brief = _folded(folded_alike([(label, value) for label, value in facts if label not in rows]))
     return [
         Section(name, ("", ""), brief),
         Section("", PAIR_HEADS, result.pairs),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from tautwave.cli.options import PATH
 from tautwave.errors import ConfigError
 
 if TYPE_CHECKING:
+    from tautwave.session.new.arms import Arm
     from tautwave.session.new.choosing import Chosen
     from tautwave.session.new.surveying import Place
     from tautwave.types import FoundBus
@@ -31,6 +32,29 @@ if TYPE_CHECKING:
 )
 @click.option("--eds", type=PATH, metavar="FILE", help="CiA 402 drives from their EDS; no scan.")
 @click.option("--profile", type=PATH, metavar="FILE", help="Modbus drives from a profile; no scan.")
+@click.option(
+    "--urdf",
+    "urdfs",
+    type=PATH,
+    multiple=True,
+    metavar="FILE",
+    help="Arms as URDF files have them: one for both sides, or the leader's and the follower's. "
+    "Without devices (--bus, --eds, --profile) both are simulated.",
+)
+@click.option(
+    "--tip",
+    "tips",
+    multiple=True,
+    metavar="LINK",
+    help="--urdf: last link of the arm, once for both or for each; what is beyond it is held.",
+)
+@click.option(
+    "--base",
+    "bases",
+    multiple=True,
+    metavar="LINK",
+    help="--urdf: link that the arm stands on, once or for each; default: the file's root.",
+)
 @click.option("--from", "example", metavar="EXAMPLE", help="Copy a shipped rig instead.")
 @click.option(
     "--master",
@@ -50,6 +74,9 @@ def new(
     buses: Sequence[str],
     eds: Path | None,
     profile: Path | None,
+    urdfs: Sequence[Path],
+    tips: Sequence[str],
+    bases: Sequence[str],
     example: str | None,
     master: str | None,
     slave: str | None,
@@ -67,6 +94,7 @@ def new(
         tautwave new arms.yaml --bus 'dynamixel --port /dev/ttyUSB0 --baud 1000000' \\
             --master 1-6 --slave 11-16
         tautwave new drives.yaml --eds drive.eds --master 1 --slave 2
+        tautwave new pair.yaml --urdf panda.urdf --tip panda_link8
         tautwave new bench.yaml --from bench-1dof-loopback
     """
     if sum(bool(one) for one in (buses, eds, profile, example)) > 1:
@@ -77,6 +105,15 @@ def new(
         raise ConfigError(
             f"new: {rig} already exists and is not overwritten; choose another file name"
         )
+    if urdfs and example:
+        raise click.UsageError("--urdf and --from are mutually exclusive.")
+    for option, given in (("--tip", tips), ("--base", bases)):
+        if given and not urdfs:
+            raise click.UsageError(f"{option} requires --urdf.")
+        if len(given) > 2:
+            raise click.UsageError(f"{option} is given once, or for leader and follower.")
+    if len(urdfs) > 2:
+        raise click.UsageError("--urdf is given once, or for leader and follower.")
     if example is not None:
         _write(rig, _copied(example, rig.stem))
         return
@@ -85,6 +122,10 @@ def new(
     from tautwave.session.new.fitting import fitted_text
     from tautwave.session.new.surveying import described
 
+    arms = _arms(urdfs, tips, bases)
+    if arms and not (buses or eds or profile):
+        _simulated(rig, arms, joints)
+        return
     if eds or profile:
         ids = [*numbers(master or "1", "--master"), *numbers(slave or "2", "--slave")]
         kind, file = ("eds", eds) if eds else ("profile", profile)
@@ -98,8 +139,67 @@ def new(
     hand = select(_asked(master, "--master", "in the hand (master)", guesses[0]), found, "--master")
     task = select(_asked(slave, "--slave", "at the task (slave)", guesses[1]), found, "--slave")
     names = _names(joints, hand, task)
-    text = fitted_text(Draft(rig.stem, hand, task, names, 0.0), rig)
+    if arms:
+        hand, task, names = _within(arms, hand, task, joints)
+    text = fitted_text(Draft(rig.stem, hand, task, names, 0.0, arms=arms, path=rig), rig)
     _write(rig, text)
+
+
+def _arms(urdfs: Sequence[Path], tips: Sequence[str], bases: Sequence[str]) -> dict[str, Arm]:
+    """Return the arm of each side, none without files."""
+    if not urdfs:
+        return {}
+    from tautwave.session.new.arms import read_arm
+
+    found = {}
+    for side, which in (("master", 0), ("slave", -1)):
+        tip, base = (given[which] if given else None for given in (tips, bases))
+        found[side] = read_arm(urdfs[which], tip, base)
+    return found
+
+
+def _simulated(rig: Path, arms: Mapping[str, Arm], joints: str | None) -> None:
+    """Write a rig of two arms that are simulated by what their files say."""
+    from tautwave.session.new.arms import arm_bus, pair_names
+    from tautwave.session.new.choosing import Chosen
+    from tautwave.session.new.draft import Draft
+    from tautwave.session.new.fitting import fitted_text
+
+    names = pair_names(arms["master"], arms["slave"])
+    sides = []
+    for bus_name, arm in zip(("hand", "arm"), arms.values(), strict=True):
+        bus = arm_bus(bus_name, arm)
+        sides.append([Chosen(bus, device) for device in bus.devices])
+    if joints is not None:
+        names = _names(joints, *sides)
+    hand, task = sides
+    draft = Draft(rig.stem, hand, task, names, 0.0, arms=arms, path=rig, simulated=True)
+    _write(rig, fitted_text(draft, rig), "check")
+
+
+def _within(
+    arms: Mapping[str, Arm], hand: Sequence[Chosen], task: Sequence[Chosen], joints: str | None
+) -> tuple[list[Chosen], list[Chosen], list[str]]:
+    """Return devices as the joints of arms, from base to tip, within what the files say."""
+    from tautwave.session.new.arms import limited, pair_names
+
+    sides = []
+    for side, chosen in (("master", hand), ("slave", task)):
+        arm = arms[side]
+        if len(arm.joints) != len(chosen):
+            raise ConfigError(
+                f"new: --{side}: {len(chosen)} devices for the {len(arm.joints)} joints of "
+                f"{arm.file}, from base to tip: {', '.join(j.limits.name for j in arm.joints)}"
+            )
+        sides.append(
+            [
+                one._replace(device=limited(one.device, joint))
+                for one, joint in zip(chosen, arm.joints, strict=True)
+            ]
+        )
+    names = pair_names(arms["master"], arms["slave"])
+    led, follows = sides
+    return led, follows, names if joints is None else _names(joints, led, follows)
 
 
 def _surveyed(given: Sequence[str]) -> list[FoundBus]:
@@ -188,7 +288,7 @@ def _copied(example: str, name: str) -> str:
     return re.sub(r"^name: .*$", lambda _: f"name: {flow_yaml(name)}", text, count=1, flags=re.M)
 
 
-def _write(rig: Path, text: str) -> None:
+def _write(rig: Path, text: str, then: str = "calibrate") -> None:
     from tautwave.files import make_directory, write_text
 
     make_directory(rig.parent)
@@ -196,4 +296,4 @@ def _write(rig: Path, text: str) -> None:
     left = text.count("TODO") - text.count("marked TODO")
     marks = f", {left} marked TODO" if left else ""
     click.echo(f"{rig}: {len(text.splitlines())} lines{marks}")
-    click.echo(f"next: tautwave calibrate {shlex.quote(str(rig))}")
+    click.echo(f"next: tautwave {then} {shlex.quote(str(rig))}")

@@ -35,7 +35,8 @@ KINDS = {"revolute": "turns", "continuous": "turns", "prismatic": "slides", "fix
 class JointLimits(NamedTuple):
     """Limits of one joint; infinite where the file gives none [rad or m, N m or N, per s].
 
-    A range without width, and an effort or a velocity of 0, are placeholders: none is given.
+    A range without width, and an effort or a velocity of 0, are placeholders: none is given. Also
+    what the file has of the joint's friction: viscous [N m s/rad or N s/m] and dry [N m or N].
     """
 
     name: str
@@ -43,6 +44,8 @@ class JointLimits(NamedTuple):
     upper: float = math.inf
     effort: float = math.inf
     velocity: float = math.inf
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 class UrdfChain(NamedTuple):
@@ -278,12 +281,17 @@ def _axis(reader: UrdfReader, joint: _Joint) -> Vector:
 
 
 def _limits(reader: UrdfReader, joint: _Joint) -> JointLimits:
-    given = reader.one(joint.node, "limit")
+    given, dynamics = reader.one(joint.node, "limit"), reader.one(joint.node, "dynamics")
+    damping, friction = (
+        0.0 if dynamics is None else max(reader.number(dynamics, key, 0.0), 0.0)
+        for key in ("damping", "friction")
+    )
+    found = JointLimits(joint.name, damping=damping, friction=friction)
     if given is None:
-        return JointLimits(joint.name)
+        return found
     effort, velocity = (reader.bound(given, key, 0.0) or math.inf for key in ("effort", "velocity"))
     if joint.node.given["type"] == "continuous":
-        return JointLimits(joint.name, effort=effort, velocity=velocity)
+        return found._replace(effort=effort, velocity=velocity)
     lower, upper = reader.bound(given, "lower", 0.0), reader.bound(given, "upper", 0.0)
     if lower > upper:
         raise reader.wrong(
@@ -292,4 +300,4 @@ def _limits(reader: UrdfReader, joint: _Joint) -> JointLimits:
         )
     if lower == upper:
         lower, upper = -math.inf, math.inf
-    return JointLimits(joint.name, lower, upper, effort, velocity)
+    return found._replace(lower=lower, upper=upper, effort=effort, velocity=velocity)
