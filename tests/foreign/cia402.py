@@ -111,7 +111,12 @@ class ForeignDrive:
             known[key] = (known[key][0] if key in known else _kind(*key), value)
         self.kinds = {key: kind for key, (kind, _) in known.items() if key[0] not in lacks}
         self.values = {key: known[key][1] for key in self.kinds}
+        self._defaults = dict(self.values)
         self.stored: dict[Key, int] = {}
+        self._boots_at: float | None = None
+        self.resets, self.needs_resets = 0, 1
+        """Fault resets since the last fault, and how many it needs."""
+        self.most_torque = 0.0
         self.written: list[tuple[Key, int]] = []
         self.state = "disabled"
         self.angle = self.speed = self.torque = 0.0
@@ -130,6 +135,7 @@ class ForeignDrive:
         self._sent_at: dict[int, float] = {}
         self._now = self._beat_at = 0.0
         self._heard_at: float | None = None
+        self._word = 0
         self._send = send
         network = Silent(send)
         self.network = network
@@ -260,8 +266,11 @@ class ForeignDrive:
         return self.WORDS[self.state] | 0x0210 | follows
 
     def _control(self, word: int) -> None:
+        rising, self._word = word & ~self._word, word
         if self.state == "fault":
-            self.state = "disabled" if word & 0x80 else "fault"
+            self.resets += bool(rising & 0x80)
+            if self.resets >= self.needs_resets:
+                self.state, self.resets = "disabled", 0
         elif not word & 0x02:
             self.state = "disabled"
         elif not word & 0x04:
@@ -273,6 +282,21 @@ class ForeignDrive:
         elif word & 0x0F == 0x0F:
             self.state = {"ready": "on", "on": "enabled"}.get(self.state, self.state)
 
+    def fail(self, code: int) -> None:
+        """Have a fault."""
+        self.values[0x603F, 0] = code
+        self.state, self.values[0x6071, 0] = "fault", 0
+        self.emergency(code)
+
+    def reboot(self, now: float, takes: float) -> None:
+        """Lose all that was not stored, and be silent for a while."""
+        self.values = {**self._defaults, **self.stored}
+        self.state, self.resets = "disabled", 0
+        self.node.nmt.state = "INITIALISING"
+        self._pending.clear()
+        self._heard_at = None
+        self._boots_at = now + takes
+
     def emergency(self, code: int) -> None:
         """Send an EMCY."""
         self._send(self.value(0x1014) & 0x7FF, struct.pack("<HB5x", code, 1))
@@ -281,6 +305,8 @@ class ForeignDrive:
 
     def take(self, can_id: int, data: bytes, now: float) -> None:
         """Take a frame."""
+        if self._boots_at is not None:
+            return
         if can_id == 0:
             self.node.nmt.on_command(0, data, now)
         elif can_id == 0x600 + self.number:
@@ -338,6 +364,12 @@ class ForeignDrive:
     def run(self, now: float) -> None:
         """Let time go on to `now` [s]: the motor, timers, watchdog."""
         span, self._now = now - self._now, now
+        if self._boots_at is not None:
+            if now < self._boots_at:
+                return
+            self._boots_at = None
+            self.node.nmt.state = "PRE-OPERATIONAL"
+            self._send(0x700 + self.number, b"\0")
         self.torque = self.commanded_torque() if self.state == "enabled" else 0.0
         if self.held:
             self.speed = 0.0
@@ -346,6 +378,7 @@ class ForeignDrive:
         else:
             self.speed += (self.torque - self.damping * self.speed) / self.inertia * span
         self.angle += self.speed * span
+        self.most_torque = max(self.most_torque, abs(self.torque))
         beat = self.value(0x1017) * 1e-3
         if beat and now - self._beat_at >= beat:
             self._beat_at = now
@@ -355,7 +388,7 @@ class ForeignDrive:
         if patience and self._heard_at is not None and now - self._heard_at > patience:
             self._heard_at = None
             if self.value(0x6007):
-                self.state = "fault" if self.value(0x6007) == 1 else "disabled"
+                self.state, self.torque = "fault" if self.value(0x6007) == 1 else "disabled", 0.0
             self._send(0x80 + self.number, struct.pack("<HB5x", 0x8130, 0x11))
         for number in range(self.pdos if self.node.nmt.state == "OPERATIONAL" else 0):
             base = 0x1800 + number
