@@ -30,6 +30,7 @@ class ForeignMotor:
         self.x = self.speed = 0.0
         self.turns = 0
         self.powered = True
+        self.back_ns: int | None = None
         self.mute = 0
         self.deaf_registers: set[int] = set()
         self.log: list[bytes] = []
@@ -42,7 +43,16 @@ class ForeignMotor:
         self.torque = 0.0
         self.fed_ns = self.now_ns
 
+    def cut_power(self, now_ns: int, span_ns: int) -> None:
+        """Lose its supply for so long; it turns on freely, and comes back with what was saved."""
+        self.pass_time(now_ns)
+        self.powered, self.torque, self.state = False, 0.0, 0
+        self.back_ns = self.now_ns + span_ns
+
     def pass_time(self, to_ns: int) -> None:
+        if not self.powered and self.back_ns is not None and to_ns >= self.back_ns:
+            self.back_ns, self.powered = None, True
+            self.power_up()
         if self.state == 1 and self.ram[TIMEOUT]:
             trip_ns = self.fed_ns + int(self.ram[TIMEOUT]) * 50_000
             if trip_ns <= to_ns:

@@ -6,7 +6,7 @@ is waited for: what is in it is stale, so nothing is added until it has drained.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from tautwave.contracts import Clock, FramePort
@@ -44,6 +44,7 @@ class Exchange:
         self.port = port
         self._clock = clock
         self._take = take
+        self._runs = hasattr(port, "advance")
         self.missing = 0
         self.lost = ""
         self._reports: list[str] = []
@@ -73,15 +74,38 @@ class Exchange:
         except DriverError as err:
             self.lose(str(err))
             return False
+        self._refused()
+        return False
+
+    def _refused(self) -> None:
         if not self._full_cycles:
             self._full_cycles = 1
             self._received_then = self._received
-        return False
+
+    def ask(self, requests: Sequence[tuple[int, bytes]]) -> None:
+        """Send requests, each of which has one answer in this cycle."""
+        send = self.port.send
+        try:
+            if not self._full_cycles:
+                for can_id, data in requests:
+                    if not send(can_id, data):
+                        self._refused()
+                        return
+                    self.missing += 1
+                return
+        except DriverError as err:
+            self.lose(str(err))
+            return
+        for can_id, data in requests:
+            if not self.send(can_id, data):
+                return
+            self.missing += 1
 
     def drain(self) -> None:
         """Take in everything that has arrived, without waiting."""
         try:
-            self._clock.wait(self.port, self._clock.now_ns())  # runs a simulated bus up to now
+            if self._runs:  # a simulated bus, up to now
+                self._clock.wait(self.port, self._clock.now_ns())
             while (frame := self.port.receive()) is not None:
                 self._hear(frame)
         except DriverError as err:
@@ -89,12 +113,18 @@ class Exchange:
 
     def collect(self, deadline_ns: int) -> None:
         """Take frames until no answer is missing, or the time is up."""
-        receive = self.port.receive
+        receive, take = self.port.receive, self._take
         try:
             while self.missing > 0 and not self.lost:
                 frame = receive()
                 if frame is not None:
-                    self._hear(frame)
+                    can_id, data, arrival_ns = frame
+                    if can_id & ERROR_FRAME:
+                        self._hear(frame)
+                        continue
+                    self._received += 1
+                    if take(can_id, data, arrival_ns):
+                        self.missing -= 1
                 elif not self._clock.wait(self.port, deadline_ns):
                     return
         except DriverError as err:

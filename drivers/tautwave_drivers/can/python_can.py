@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 from collections import deque
+from collections.abc import Collection
 from contextlib import suppress
 from typing import Any
 
@@ -124,6 +125,10 @@ class PythonCanPort:
         if message.is_extended_id and not self._framing.extended:
             return False
         return self._ids is None or can_id in self._ids
+
+    def listen(self, ids: Collection[int]) -> None:
+        """Take these ids only from now on, and error frames."""
+        self._ids = frozenset(ids)
 
     def purge(self) -> None:
         """Discard what waits to be sent, where the interface can."""

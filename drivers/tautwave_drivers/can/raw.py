@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import socket
 import struct
+from collections.abc import Collection
 from pathlib import Path
 
 from tautwave.contracts import Clock
@@ -148,6 +149,12 @@ class RawPort:
                 continue
             if not can_id & self._others:
                 return can_id, data if size >= longest else data[:size], self._now_ns()
+
+    def listen(self, ids: Collection[int]) -> None:
+        """Take these ids only from now on, and error frames."""
+        self._framing = self._framing._replace(ids=ids)
+        if self._socket.family == getattr(socket, "AF_CAN", None):
+            self._socket.setsockopt(socket.SOL_CAN_RAW, _RAW_FILTER, filters(self._framing))
 
     def pending(self) -> int:
         """Return how many bytes this socket still has in queues on their way to the bus."""

@@ -6,11 +6,18 @@ import math
 
 from tautwave.contracts import AxisSpec
 from tautwave.types import JointState
+from tautwave_drivers.causes import Cause
 from tautwave_drivers.mit import damiao
 from tautwave_drivers.mit.options import Motor, Scale, scale_of
 
 NAN = math.nan
+_UNPACK = damiao.FEEDBACK.unpack
 MISSING = JointState(0.0, NAN, NAN, False, 0)
+ABOUT_REGISTERS = Cause("about registers", "another program asks this motor: stop it")
+OF_ANOTHER = Cause(
+    "of another motor", "give each its own feedback id (MST_ID, register 7) in the maker's tool"
+)
+OUTDATED = Cause("to an older command", "check the bus load and the rate")
 FORGOT = "it was switched off and on, or another program switched it off; check its supply"
 
 
@@ -27,18 +34,32 @@ class Axis:
         Why it is not to be driven any more.
     late : int
         Answers that came when their cycle was over.
+    wrong : dict
+        What came instead, since the last sample, by cause.
     """
 
     __slots__ = (
-        "arrived_ns", "driver_temperature", "fault", "fresh", "late", "motor", "position",
-        "rotor_temperature", "scale", "spec", "state", "torque", "upper", "velocity",
+        "_lines", "_nibble", "arrived_ns", "driver_temperature", "fault", "fresh", "late", "motor",
+        "position", "rotor_temperature", "scale", "spec", "state", "torque", "upper", "velocity",
+        "wrong",
     )  # fmt: skip
 
     def __init__(self, spec: AxisSpec, motor: Motor) -> None:
         self.spec = spec
         self.motor = motor
-        self.scale: Scale = scale_of(motor)
+        self._nibble = motor.id & 0xF
+        self.rescale(scale_of(motor))
         self.reset()
+
+    def rescale(self, scale: Scale) -> None:
+        """Take what the motor's codes are worth."""
+        self.scale = scale
+        zeros = scale.position_of(0), scale.velocity_of(0), scale.torque_of(0)
+        steps = scale.position, scale.velocity, scale.torque
+        # Value of code 0, and of a step: what a cycle needs.
+        self._lines = tuple(
+            (zero, scale.direction * step) for zero, step in zip(zeros, steps, strict=True)
+        )
 
     def reset(self) -> None:
         """Forget what the motor said."""
@@ -46,24 +67,31 @@ class Axis:
         self.state: int | None = None
         self.fault = ""
         self.late = 0
+        self.wrong: dict[Cause, int] = {}
         self.arrived_ns = 0
         self.position = self.velocity = self.torque = 0.0
         self.driver_temperature = self.rotor_temperature = 0
 
     def take(self, data: bytes, arrival_ns: int) -> bool:
         """Take the motor's feedback; False where these bytes are none."""
-        said = damiao.feedback(data, self.motor.id)
-        if said is None:
+        if len(data) != 8:
             return False
-        scale = self.scale
-        self.state = said.state
-        self.position = scale.position_of(said.position)
-        self.velocity = scale.velocity_of(said.velocity)
-        self.torque = scale.torque_of(said.torque)
-        self.driver_temperature = said.driver_temperature
-        self.rotor_temperature = said.rotor_temperature
+        head, place, high, middle, low, driver, rotor = _UNPACK(data)
+        if head & 0xF != self._nibble or (place < 0x1000 and damiao.is_parameter(data)):
+            return False
+        (zero, step), (still, pace), (slack, force) = self._lines
+        self.state = head >> 4
+        self.position = zero + step * place
+        self.velocity = still + pace * (high << 4 | middle >> 4)
+        self.torque = slack + force * ((middle & 0xF) << 8 | low)
+        self.driver_temperature = driver
+        self.rotor_temperature = rotor
         self.arrived_ns = arrival_ns
         return True
+
+    def miss(self, cause: Cause) -> None:
+        """Count what came instead of a sample."""
+        self.wrong[cause] = self.wrong.get(cause, 0) + 1
 
     def judge(self) -> str:
         """Return why a motor that was enabled is not, '' while it is."""
@@ -79,8 +107,9 @@ class Axis:
     def command(self, effort: float) -> bytes:
         """Return the frame of an effort [N m], zero once the motor is not to be driven."""
         self.upper = not self.upper
-        wanted = 0.0 if self.fault else effort
-        return damiao.command(self.scale.torque_code(wanted, self.spec.effort_limit, self.upper))
+        if self.fault:
+            effort = 0.0
+        return damiao.command(self.scale.torque_code(effort, self.spec.effort_limit, self.upper))
 
     def joint_state(self, now_ns: int) -> JointState:
         """Return this cycle's sample, invalid where there is none or the motor is in doubt."""

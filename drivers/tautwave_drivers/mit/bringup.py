@@ -99,11 +99,13 @@ class Bringup:
 
     def _prepare(self, axis: AxisSpec, motor: Motor) -> Found:
         where = self._where(axis, motor)
-        answers = self._registers.answers(motor.id, motor.feedback_id, damiao.ESC_ID)
+        answers = self._registers.answers(motor.id, None, damiao.ESC_ID)
         if len(answers) > 1:
+            ids = ", ".join(f"{answer:#x}" for answer, _ in answers)
             raise DriverError(
-                f"{where}: {len(answers)} motors answer to this id; give each its own (ESC_ID, "
-                "register 8) with the others' power off"
+                f"{where}: {len(answers)} motors answer to this id (with {ids}), and would follow "
+                "the same commands; give each its own (ESC_ID, register 8) with the others' power "
+                "off"
             )
         said = self._switched_off(where, motor)
         self._same(where, motor)

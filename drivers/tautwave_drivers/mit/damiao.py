@@ -103,14 +103,14 @@ def command(torque: int) -> bytes:
 
 
 _COMMAND = struct.Struct(">HBBBBBB")
-_FEEDBACK = struct.Struct(">BHBBBBB")
+FEEDBACK = struct.Struct(">BHBBBBB")
 
 
 def feedback(data: bytes, motor_id: int) -> Feedback | None:
     """Return what a motor says of itself, None if this is not the feedback of that motor."""
     if len(data) != 8 or data[0] & 0xF != motor_id & 0xF or is_parameter(data):
         return None
-    head, position, speed, middle, torque, driver, rotor = _FEEDBACK.unpack(data)
+    head, position, speed, middle, torque, driver, rotor = FEEDBACK.unpack(data)
     return Feedback(
         head >> 4, position, speed << 4 | middle >> 4, (middle & 0xF) << 8 | torque, driver, rotor
     )

@@ -24,8 +24,9 @@ from tautwave_drivers.can.exchange import Exchange
 from tautwave_drivers.can.framing import Framing
 from tautwave_drivers.can.opening import open_port
 from tautwave_drivers.can.raw import RawPort
+from tautwave_drivers.causes import wrong_text
 from tautwave_drivers.mit import damiao
-from tautwave_drivers.mit.axis import MISSING, Axis
+from tautwave_drivers.mit.axis import ABOUT_REGISTERS, MISSING, OF_ANOTHER, OUTDATED, Axis
 from tautwave_drivers.mit.bringup import Bringup, timeout_counts
 from tautwave_drivers.mit.enabling import Enabling
 from tautwave_drivers.mit.leaving import leave, leave_again
@@ -80,6 +81,7 @@ class MitDriver(DriverBase):
         self._transport = transport
         self._motors = motors_of(options, bus)
         self._axes = [Axis(*pair) for pair in zip(bus.axes, self._motors, strict=True)]
+        self._numbers = [motor.id for motor in self._motors]
         self._places = {axis.motor.feedback_id: at for at, axis in enumerate(self._axes)}
         self._exchange: Exchange | None = None
         self._enabling: Enabling | None = None
@@ -107,8 +109,11 @@ class MitDriver(DriverBase):
         registers = Registers(port, self._clock)
         found = Bringup(registers, self._options, self._bus, self.notes).run(self._motors)
         self._classic(port)
+        listen: Any = getattr(port, "listen", None)
+        if listen is not None:  # until here anybody may have answered
+            listen(tuple(self._places))
         for axis, one in zip(self._axes, found, strict=True):
-            axis.scale = one.scale
+            axis.rescale(one.scale)
             self.identities[axis.spec.name] = one.identity
         names = [axis.name for axis in self._bus.axes]
         self.watchdog_s = {
@@ -140,8 +145,7 @@ class MitDriver(DriverBase):
             )
 
     def _connect(self) -> FramePort:
-        ids = frozenset((0, *(motor.feedback_id for motor in self._motors)))
-        framing = Framing(self._options.data_bitrate, ids=ids)
+        framing = Framing(self._options.data_bitrate)
         if isinstance(self._transport, socket.socket):
             return RawPort(self._transport.dup(), self._clock, self._bus.name, framing)
         if self._transport is not None:
@@ -194,9 +198,13 @@ class MitDriver(DriverBase):
             return False
         axis = self._axes[at]
         if self._on and arrival_ns - self._asked_ns < self._shortest_ns:
-            axis.late += damiao.feedback(data, axis.motor.id) is not None
+            if damiao.feedback(data, axis.motor.id) is not None:
+                axis.late += 1
+                axis.miss(OUTDATED)
             return False
         if not axis.take(data, arrival_ns):
+            about = len(data) == 8 and damiao.is_parameter(data)
+            axis.miss(ABOUT_REGISTERS if about else OF_ANOTHER)
             if self._enabling is not None and not self._on:
                 try:
                     self._enabling.heard(at, data)
@@ -214,17 +222,27 @@ class MitDriver(DriverBase):
         before = [axis.fresh for axis in self._axes]
         ready = exchange.begin()
         for axis, was_fresh in zip(self._axes, before, strict=True):
-            axis.late += axis.fresh and not was_fresh
+            if axis.fresh and not was_fresh:
+                axis.late += 1
+                axis.miss(OUTDATED)
+            elif axis.wrong and was_fresh:
+                axis.wrong.clear()
             axis.fresh = False
         self._asked_ns = self._now()
         self._cycle += 1
         if not ready:
             return
-        for axis, effort in zip(self._axes, self._efforts, strict=True):
-            # Off, it is asked by being switched off again.
-            frame = axis.command(effort) if self._on else damiao.DISABLE
-            if exchange.send(axis.motor.id, frame):
-                exchange.missing += 1
+        if self._on:
+            exchange.ask(
+                [
+                    (number, axis.command(effort))
+                    for number, axis, effort in zip(
+                        self._numbers, self._axes, self._efforts, strict=True
+                    )
+                ]
+            )
+        else:  # it is asked by being switched off again
+            exchange.ask([(number, damiao.DISABLE) for number in self._numbers])
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the measured states; not valid where no answer came by the deadline."""
@@ -264,6 +282,20 @@ class MitDriver(DriverBase):
     def _take(self, commands: Sequence[AxisCommand]) -> None:
         """Stage one command per axis for the next request."""
         self._efforts = [command.effort for command in commands]
+
+    @property
+    def misses(self) -> dict[str, str]:
+        """What came instead of the sample of an axis, as text."""
+        return {
+            axis.spec.name: f"{axis.label}: {wrong_text(axis.wrong)}"
+            for axis in self._axes
+            if axis.wrong and not axis.fresh
+        }
+
+    def witness(self, name: str) -> tuple[float, float]:
+        """Return what a motor says of its velocity [rad/s] and torque [N m], NaN if nothing."""
+        (axis,) = (axis for axis in self._axes if axis.spec.name == name)
+        return (axis.velocity, axis.torque) if axis.fresh else (math.nan, math.nan)
 
     def fill(self, row: Row, at: int) -> None:
         """Record torque [N m] and temperatures [degC] of each motor; NaN: no sample."""

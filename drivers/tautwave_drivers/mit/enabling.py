@@ -17,6 +17,8 @@ from tautwave_drivers.mit.axis import FORGOT, Axis
 LIMIT_NS = 1_000_000_000
 """How long all of it may take."""
 CLEARS = 3
+AGAIN_PERIODS = 2
+"""Of the bus, after which what was not answered is sent again."""
 
 
 class Enabling:
@@ -54,8 +56,8 @@ class Enabling:
         self._until_ns = clock.now_ns() + LIMIT_NS
         self._clears = [0] * len(axes)
         self._feed_ns = feed_ns
-        self._sent_ns = 0
-        self._answered = False
+        self._sent_ns = clock.now_ns() - AGAIN_PERIODS * bus.period_ns
+        self._reading = [False] * len(axes)
         self._wanted = [
             [(damiao.CTRL_MODE, float(damiao.MIT_MODE))]
             + ([] if counts is None else [(damiao.TIMEOUT, float(counts))])
@@ -77,13 +79,16 @@ class Enabling:
         if self._exchange.lost:
             raise DriverError(f"bus {self._bus.name}: {self._exchange.lost}")
         now_ns = self._clock.now_ns()
+        answered = all(axis.fresh for axis in self._axes) and not any(self._reading)
+        if not answered and now_ns - self._sent_ns < AGAIN_PERIODS * self._bus.period_ns:
+            return False
         on = [axis.state == damiao.ENABLED for axis in self._axes]
         done = all(on) and not any(self._wanted)
-        if done and self._answered and now_ns - self._sent_ns < self._feed_ns:
+        if answered and done and now_ns - self._sent_ns < self._feed_ns:
             return True  # nothing is on its way: the loop's first request meets no answer
-        self._answered = done
         self._sent_ns = now_ns
         for at, axis in enumerate(self._axes):
+            axis.fresh = False
             self._step(at, axis)
         if not done and now_ns > self._until_ns:
             late = [
@@ -111,6 +116,7 @@ class Enabling:
             value = damiao.register_value(data, self._axes[at].motor.id, register)
             if value is None:
                 continue
+            self._reading[at] = False
             if value != wanted:
                 raise DeviceFault(
                     f"{self._where(at)}: {register} reads {value:g} instead of {wanted:g}: {FORGOT}"
@@ -130,7 +136,8 @@ class Enabling:
             self._exchange.send(axis.motor.id, damiao.CLEAR)
         # Also to one that is enabled: it feeds its watchdog, and asks how it is.
         self._exchange.send(axis.motor.id, damiao.ENABLE)
-        if state == damiao.ENABLED and self._wanted[at]:
+        self._reading[at] = state == damiao.ENABLED and bool(self._wanted[at])
+        if self._reading[at]:
             register, _ = self._wanted[at][0]
             self._exchange.send(damiao.PARAMETERS, damiao.read_register(axis.motor.id, register))
 

@@ -18,7 +18,7 @@ from tautwave_drivers.mit.options import MitOptions, Motor
 
 IDS = (1, 2)
 OFFSET = 16
-GOAL_US = 60.0
+GOAL_US = 25.0
 IN_TURN = 200
 
 

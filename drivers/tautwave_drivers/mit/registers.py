@@ -43,21 +43,21 @@ class Registers:
         for _ in range(TRIES):
             found = self.answers(motor_id, answer_id, register, first=True)
             if found:
-                return found[0]
+                return found[0][1]
         return None
 
     def answers(
-        self, motor_id: int, answer_id: int, register: Register, *, first: bool = False
-    ) -> list[float]:
-        """Return the values that come on a read: those of all who think it is theirs."""
-        found: list[float] = []
+        self, motor_id: int, answer_id: int | None, register: Register, *, first: bool = False
+    ) -> list[tuple[int, float]]:
+        """Return ids and values that come on a read: of all who think it is theirs, or one id."""
+        found: list[tuple[int, float]] = []
 
         def take(can_id: int, data: bytes) -> bool:
             value = None
-            if can_id == answer_id:
+            if can_id == answer_id or (answer_id is None and can_id != damiao.PARAMETERS):
                 value = damiao.register_value(data, motor_id, register)
             if value is not None:
-                found.append(value)
+                found.append((can_id, value))
             return first and value is not None
 
         self.ask(damiao.PARAMETERS, damiao.read_register(motor_id, register), take)

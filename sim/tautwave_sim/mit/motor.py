@@ -247,4 +247,5 @@ class Motor:
 def _code(value: float, top: float) -> int:
     """Return the code of 12 bits of a value, truncated."""
     clipped = min(max(value, -top), top)
-    return math.floor((clipped + top) / (2.0 * top) * 4095.0)
+    # What is a code already stays that code, whatever its last bit is.
+    return math.floor((clipped + top) / (2.0 * top) * 4095.0 + 1e-9)

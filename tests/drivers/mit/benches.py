@@ -141,6 +141,36 @@ def contract_bench(rig: Rig) -> DriverBench:
             for one in rig.motors:
                 one.hears = lambda can_id: False
 
+    def stick(axis: int) -> None:
+        one = rig.motors[axis]
+        hear = one.hear
+
+        def stubborn(can_id: int, data: bytes) -> list[tuple[int, bytes]]:
+            """Stay on, whatever it is told, but for its watchdog."""
+            if one.state == 1 and data[:7] == bytes((0xFF,) * 7):
+                one.fed_ns = one.now_ns
+                return one._say()
+            return hear(can_id, data)
+
+        one.hear = stubborn
+
+    def spoil() -> None:
+        for at, one in enumerate(rig.motors):
+            hear = one.hear
+            one.hear = lambda can_id, data, hear=hear, at=at: [
+                (number, spoilt(answer, at)) for number, answer in hear(can_id, data)
+            ]
+
+    def twin() -> None:
+        first = rig.motors[0]
+        rig.motors.append(ForeignMotor(int(first.saved[8]), 0x55, 1.0, {}))
+
+    more = (
+        lambda axis, span_ns: rig.motors[axis].cut_power(FakeClock.now_ns(rig.clock), span_ns),
+        stick,
+        spoil,
+        twin,
+    )
     return DriverBench(
         rig.driver,
         rig.clock,
@@ -149,4 +179,12 @@ def contract_bench(rig: Rig) -> DriverBench:
         place,
         tuple(axis.name for axis in rig.bus.axes),
         cut,
+        *(more if here else ()),
     )
+
+
+def spoilt(answer: bytes, at: int) -> bytes:
+    """Return another's answer: of a motor with another number, or one about a register."""
+    if at:
+        return bytes((answer[0] ^ 0x04,)) + answer[1:]
+    return bytes.fromhex("0100331500004841")

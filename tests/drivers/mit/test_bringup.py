@@ -75,10 +75,11 @@ def test_an_answer_with_id_0_is_refused_with_the_remedy() -> None:
     refused(r"answers with id 0.*MST_ID \(register 7\) to 0x11", registers={m.MST: 0})
 
 
-def test_two_motors_of_one_id_are_refused() -> None:
+@pytest.mark.parametrize("feedback_id", [17, 0x55])
+def test_two_motors_of_one_id_are_refused_whatever_they_answer_with(feedback_id: int) -> None:
     rig = foreign(motor(1))
-    rig.motors.append(m.ForeignMotor(1, 17, 1.0, {}))
-    with pytest.raises(DriverError, match="2 motors answer to this id"):
+    rig.motors.append(m.ForeignMotor(1, feedback_id, 1.0, {}))
+    with pytest.raises(DriverError, match=f"2 motors answer to this id .*{feedback_id:#x}"):
         rig.driver.open()
 
 

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.contracts import AxisSpec
 from tautwave_drivers.mit import damiao
+from tautwave_drivers.mit.axis import Axis
 from tautwave_drivers.mit.options import Motor, Scale, scale_of
 
 KEYS = {"id": 1, "feedback_id": 17, "p_max": 12.5, "v_max": 30.0, "t_max": 10.0}
@@ -78,6 +80,22 @@ def test_no_wild_number_reaches_a_motor(wild: float) -> None:
     assert abs(found) <= 2.0 + one.torque
     if math.isnan(wild):
         assert abs(found) <= one.torque
+
+
+@given(st.binary(min_size=8, max_size=8), st.sampled_from([1, -1]), st.floats(-1.0, 1.0))
+def test_an_axis_reads_a_frame_as_the_manual_has_it(
+    data: bytes, direction: int, zero: float
+) -> None:
+    motor = Motor(**{**KEYS, "id": data[0] & 0xF or 16, "direction": direction, "zero": zero})  # type: ignore[arg-type]
+    axis = Axis(AxisSpec("a", motor.id, "rotary", "impedance", 1.0), motor)
+    said = damiao.feedback(data, motor.id)
+    assert axis.take(data, 7) == (said is not None)
+    if said is not None:
+        one = scale_of(motor)
+        assert (axis.state, axis.arrived_ns) == (said.state, 7)
+        assert axis.position == pytest.approx(one.position_of(said.position), abs=1e-12)
+        assert axis.velocity == pytest.approx(one.velocity_of(said.velocity), abs=1e-12)
+        assert axis.torque == pytest.approx(one.torque_of(said.torque), abs=1e-12)
 
 
 @given(st.binary(max_size=12), st.integers(0, 0x7FF))

@@ -245,3 +245,28 @@ def test_a_queue_that_stays_full_is_a_dead_bus() -> None:
 
 def test_a_register_of_the_foreign_motor_is_as_the_manual_numbers_it() -> None:
     assert (m.MST, m.ESC, m.TIMEOUT, m.MODE, m.P, m.V, m.T) == (7, 8, 9, 10, 21, 22, 23)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "more"),
+    [(400.0, {}), (420.0, {}), (1000.0, {"data_bitrate": 5_000_000})],
+    ids=["classic 400", "classic 420", "fd 1000"],
+)
+def test_seven_joints_miss_no_sample_at_the_rate_that_the_budget_allows(
+    rate_hz: float, more: dict[str, int]
+) -> None:
+    rig = simulated(*(motor(number) for number in range(1, 8)), rate_hz=rate_hz, **more)
+    rig.up()
+    rows, faults = rig.run(60, 0.2)
+    assert all(state.valid for row in rows for state in row)
+    assert not faults
+    rig.driver.close()
+    assert not rig.driver.unconfirmed
+
+
+def test_beyond_that_rate_samples_go_missing_on_the_same_wire() -> None:
+    rig = simulated(*(motor(number) for number in range(1, 8)), rate_hz=560.0)
+    rig.up()
+    rows, _ = rig.run(60, 0.2)
+    assert not all(row[-1].valid for row in rows)
+    rig.driver.close()
