@@ -113,6 +113,7 @@ def test_run_passes_everything_on(tautwave_cli: Cli, backend: Backend, tmp_path:
     asked = backend.run_arguments
     del asked["progress"], asked["warn"]
     assert asked == {
+        "draw_later": False,
         "allow_tuning": False,
         "clock": "fake",
         "duration_s": 2.0,

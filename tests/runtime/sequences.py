@@ -15,7 +15,7 @@ from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import WORDS
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.session.facts import port_claims
-from tautwave.session.operating import greatest, scales_of
+from tautwave.session.scales import greatest, scales_of
 from tests.runtime.operating import BARE, BENCH, Operated, bench, operate
 
 NETWORK = BENCH.with_name("network-loopback.yaml")

@@ -7,7 +7,7 @@ import pytest
 
 from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.port import tune
-from tautwave.rig.operated.operation import scaled
+from tautwave.rig.scales import scaled
 from tautwave.rig.ways import command_delays
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.rescaling import take_scale

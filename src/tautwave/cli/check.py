@@ -23,7 +23,17 @@ from tautwave.cli.options import (
     site_option,
 )
 from tautwave.cli.terminal.alike import folded_alike
-from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, plain_text, show
+from tautwave.cli.terminal.show import (
+    BAD,
+    FAINT,
+    GOOD,
+    NOTE,
+    Cell,
+    Section,
+    plain_text,
+    show,
+    verdict,
+)
 from tautwave.files import make_directory, write_text, writing
 
 
@@ -163,8 +173,6 @@ BUS_HEADS = ("bus", ">time needed", ">greatest rate", "")
 
 def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
     """Yield a line for each verdict, without its conditions."""
-    from tautwave.cli.terminal.summary import verdict
-
     verdicts = certificate.get("verdicts")
     if not isinstance(verdicts, Mapping) or not verdicts:
         yield "passive", verdict(certificate.get("passed"))
@@ -228,8 +236,6 @@ def _last(name: str, result: Any, verbose: bool) -> Section:
 
 def certificate_sections(certificate: Mapping[str, Any]) -> list[Section]:
     """The three verdicts with their conditions, then the results element by element."""
-    from tautwave.cli.terminal.summary import verdict
-
     verdicts = certificate.get("verdicts")
     if not isinstance(verdicts, Mapping) or not verdicts:
         return [Section("Certificate", ("", ""), [("passive", verdict(certificate.get("passed")))])]

@@ -31,7 +31,7 @@ from tautwave.report.noise import measured_deviation
 from tautwave.report.run.rundir import Run, block, engaged_rows, served_rows
 from tautwave.rig import axis_allowance, pair_scale
 from tautwave.rig.controller import axis_params, coupling_law, end_constants, pair_params
-from tautwave.rig.operated.operation import scaled
+from tautwave.rig.scales import scaled
 
 Places = npt.NDArray[np.int64]
 

@@ -1,12 +1,12 @@
-"""Build the running objects from a rig: the only package that knows all others."""
+"""Build the running objects from a rig: the only package that knows all others.
+
+What runs (`assembly`) is imported when it is first used: a check and a certificate need none of it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from tautwave.rig.allowance.filling import allowances, axis_allowance
-from tautwave.rig.assembly import (
-    Assembly,
-    build_rig,
-    cycles_in,
-    make_clock,
-)
 from tautwave.rig.claim_verdict import judge_claim
 from tautwave.rig.claims import axis_claim, kinetic_energy, longest_overrun
 from tautwave.rig.clips import pair_clip
@@ -53,6 +53,9 @@ from tautwave.rig.ways import (
     watchdogs,
     without_truth,
 )
+
+if TYPE_CHECKING:
+    from tautwave.rig.assembly import Assembly, build_rig, cycles_in, make_clock
 
 __all__ = [
     "NO_WALL",
@@ -110,3 +113,13 @@ __all__ = [
     "watchdogs",
     "without_truth",
 ]
+
+_RUNNING = ("Assembly", "build_rig", "cycles_in", "make_clock")
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _RUNNING:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module("tautwave.rig.assembly"), name)
+    globals()[name] = value
+    return value

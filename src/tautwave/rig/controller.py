@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tautwave import registry
 from tautwave.allowance import AxisAllowance
@@ -28,9 +28,10 @@ from tautwave.rig.parts import coupling_part
 from tautwave.rig.scales import pair_scale, slave_offset
 from tautwave.rig.support import compensation_params, inertia_params
 from tautwave.rig.truth import SEED_WORD
-from tautwave.runtime.control import CoupledControl
-from tautwave.runtime.wire import Wire
 from tautwave.types import CommandDelay
+
+if TYPE_CHECKING:
+    from tautwave.runtime.control import CoupledControl
 
 NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 
@@ -361,6 +362,10 @@ def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> C
 
     The axes of another site come last, as stand-ins.
     """
+    # A certificate reads this module's constants, and runs nothing.
+    from tautwave.runtime.control import CoupledControl
+    from tautwave.runtime.wire import Wire
+
     delays = {**delays, **{name: CommandDelay(0, 0.0) for name in rig.axes if name not in delays}}
     axes = tuple(delays)
     law = coupling_law(rig)

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from tautwave.config import Pair as PairKeys
+from tautwave.config import Rig
 
 
 class PairScale(NamedTuple):
@@ -37,3 +38,14 @@ def slave_offset(keys: PairKeys) -> tuple[float | None, float]:
     if isinstance(keys.offset, str):
         return None, tolerance
     return -keys.sign * keys.position_scale * keys.offset, tolerance
+
+
+def scaled(rig: Rig, factor: float) -> Rig:
+    """Return a rig whose pairs have a factor on their `position_scale`."""
+    pairs = {
+        name: pair.model_copy(update={"position_scale": factor * pair.position_scale})
+        for name, pair in rig.coupling.pairs.items()
+    }
+    coupling = rig.coupling.model_copy(update={"pairs": pairs})
+    name = f"{rig.name} at scale {factor:g}"
+    return rig.model_copy(update={"coupling": coupling, "name": name})

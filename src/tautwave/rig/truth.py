@@ -7,7 +7,7 @@ import zlib
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,10 +39,12 @@ from tautwave.motion import recorded_efforts, reference_positions
 from tautwave.recordings.stated import stated_in
 from tautwave.rig.arms import arm_chain, load_params
 from tautwave.rig.integration import Integrated, integrated
-from tautwave.runtime.operate.lead import Lead
 from tautwave.streams import HAND
 from tautwave.truth import ArmModel, AxisModel, PositionLoop
 from tautwave.types import CommandDelay, Imposed
+
+if TYPE_CHECKING:
+    from tautwave.runtime.operate.lead import Lead
 
 LIGHTEST = 1e-30
 """Inertia below which powers of rates and periods leave the range of floats, SI."""
@@ -100,6 +102,8 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         policy = getattr(hand, "reference", None)
         if isinstance(policy, Policy):
             reference = (truth.start_position,)
+            from tautwave.runtime.operate.lead import Lead  # few rigs have one
+
             lead = Lead(_lead_params(axis, policy, grip_stiffness), truth.start_position, period)
         else:
             reference = wanted_positions(rig, axis_name, hand, cycles)

@@ -25,8 +25,8 @@ from tautwave.session.facts import (
 )
 from tautwave.session.hooks import session_hooks
 from tautwave.session.network import network_facts
-from tautwave.session.operating import scales_of
 from tautwave.session.plan import PlanItem, left_out, rig_plan
+from tautwave.session.scales import scales_of
 
 
 class CheckResult(NamedTuple):

@@ -29,7 +29,7 @@ from tautwave.rig.arms import (
 )
 from tautwave.rig.claim_verdict import judge_claim, terms_of
 from tautwave.rig.rates import load_offset
-from tautwave.session.operating import greatest, times
+from tautwave.session.scales import greatest, times
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from tautwave import registry
 from tautwave.config import Rig
 from tautwave.config.keys.control import SCENE
-from tautwave.rig import Assembly, BusWay
+from tautwave.rig import BusWay
+
+if TYPE_CHECKING:
+    from tautwave.rig import Assembly
 
 
 class Engine(Protocol):

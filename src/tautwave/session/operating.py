@@ -11,7 +11,7 @@ from tautwave.config.keys.key_codes import CODES
 from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly, BusWay
-from tautwave.rig.operated.operation import LOOK_HZ, operation_of, scaled
+from tautwave.rig.operated.operation import LOOK_HZ, operation_of
 from tautwave.rig.ways import Way
 from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
@@ -149,26 +149,6 @@ def claimed_span(rig: Rig, cycles: int) -> float:
     """Return for how long ports claim [s]: the rig's duration, or begun hours of one without."""
     hours = max(1, math.ceil(cycles * rig.period_s / CLAIMED_S))
     return CLAIMED_S * hours if rig.duration_s == UNTIL_STOPPED_S else rig.duration_s
-
-
-def scales_of(rig: Rig) -> list[Rig]:
-    """Return the rig with each of its other scales."""
-    return [] if rig.operate is None else [scaled(rig, factor) for factor in rig.operate.scales]
-
-
-def greatest(claims: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the greatest claim of each side [J] among those of a rig with several scales."""
-    sides = claims[0].get("claim_j", {})
-    found = {side: max(one["claim_j"][side] for one in claims) for side in sides}
-    return {"claim_j": found} if found else {}
-
-
-def times(claims: dict[str, Any], count: int) -> dict[str, Any]:
-    """Return what ports claim [J] of a run with `count` engagements, from that for one."""
-    return {
-        key: {side: count * joules for side, joules in sides.items()}
-        for key, sides in claims.items()
-    }
 
 
 def engagements(assembly: Assembly) -> int:

@@ -40,11 +40,11 @@ from tautwave.session.operating import (
     engagements,
     operation_done,
     refuse_endless,
-    scales_of,
     with_operation,
 )
 from tautwave.session.plan import left_out, rig_plan
 from tautwave.session.reporting import outcome_of, recording_of, report_run
+from tautwave.session.scales import scales_of
 from tautwave.session.sites.agreed import with_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers

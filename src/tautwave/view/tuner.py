@@ -20,7 +20,7 @@ from tautwave.rig import axis_allowance, coupling_law
 from tautwave.rig.clips import AT_ONCE
 from tautwave.runtime.tuning.desk import last_left, leave
 from tautwave.session.facts import port_claims
-from tautwave.session.operating import scales_of
+from tautwave.session.scales import scales_of
 from tautwave.view.watched import Watched
 
 TIMEOUT_S = 120.0

@@ -182,7 +182,7 @@ def suggested_spring(
     # Nothing is stiffer than what swings at half the rate with the least mass.
     high = min(to, devices.mass * (math.pi / p.period) ** 2)
     low = max(from_, 1e-9 * high)
-    if not fine(low):
+    if low > from_ and not fine(low):
         return from_
     for _ in range(STEPS if from_ == 0.0 else NEAR_STEPS):
         middle = math.sqrt(low * high)

@@ -127,3 +127,12 @@ def _show_rich(sections: Sequence[Section]) -> None:
                 *(Text(_text(c), style=c.style if isinstance(c, Cell) else "") for c in row)
             )
         console.print(Padding(table, (0, 0, 1, 2)))
+
+
+def verdict(passed: bool | None, state: str | None = None) -> Cell:
+    """The verdicts of a certificate; one that was not evaluated is never called passed."""
+    if passed is None:
+        return Cell("not yet evaluated", NOTE)
+    if passed and state == "conditional":
+        return Cell("conditional", NOTE)
+    return Cell("passed", GOOD) if passed else Cell("not passed", BAD)

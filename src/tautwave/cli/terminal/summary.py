@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, printable
+from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, printable, verdict
 from tautwave.report.calm import UNCALM, worst_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
 from tautwave.report.units import axis_units, count, microseconds, plural, quantity, ratio
@@ -226,15 +226,6 @@ def _certificate_notes(certificate: Certificate) -> Iterator[str]:
         yield from after.sentences
     yield from after.broken_conditions
     yield from after.notes
-
-
-def verdict(passed: bool | None, state: str | None = None) -> Cell:
-    """The verdicts of a certificate; one that was not evaluated is never called passed."""
-    if passed is None:
-        return Cell("not yet evaluated", NOTE)
-    if passed and state == "conditional":
-        return Cell("conditional", NOTE)
-    return Cell("passed", GOOD) if passed else Cell("not passed", BAD)
 
 
 def _timing(summary: Summary) -> Iterator[Sequence[str | Cell]]:

@@ -23,7 +23,7 @@ from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.sensors import sensor_sentences
 from tautwave.report.units import number
 from tautwave.rig import pair_scale
-from tautwave.rig.operated.operation import scaled
+from tautwave.rig.scales import scaled
 
 ROUNDING = 1e-12
 """Of all that passed to and fro: sums of doubles are no better."""

@@ -13,6 +13,7 @@ from tautwave.laws.rest.brake import BrakeParams
 from tautwave.rig.allowance.filling import axis_allowance
 from tautwave.rig.controller import make_control
 from tautwave.rig.operated.brakes import brake_params, quantum_of
+from tautwave.rig.scales import scaled
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.rest.pull import PullParams
@@ -26,17 +27,6 @@ UNKNOWN_FRICTION = 0.5
 
 REACH = 0.5
 """Share of `engage_tolerance` to which a slave is brought."""
-
-
-def scaled(rig: Rig, factor: float) -> Rig:
-    """Return a rig whose pairs have a factor on their `position_scale`."""
-    pairs = {
-        name: pair.model_copy(update={"position_scale": factor * pair.position_scale})
-        for name, pair in rig.coupling.pairs.items()
-    }
-    coupling = rig.coupling.model_copy(update={"pairs": pairs})
-    name = f"{rig.name} at scale {factor:g}"
-    return rig.model_copy(update={"coupling": coupling, "name": name})
 
 
 def operation_of(rig: Rig, plain: CoupledControl, delays: Mapping[str, CommandDelay]) -> Operation:
