@@ -16,6 +16,7 @@ from tautwave.certificate import certify
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.beside.compensation import inertia_claim
 from tautwave.config import Axis, Rig, load_rig
+from tautwave.config.keys.load import Load
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.inertia import close_inertia, lighten, start_inertia
 from tautwave.controller.records import AxisParams, AxisState
@@ -23,6 +24,7 @@ from tautwave.laws.compensation import follow_play
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
+from tautwave.rig import axis_allowance
 from tautwave.rig.support import inertia_params
 from tautwave.simulation import simulate
 from tests.lab.inertia import LOWER, attack, felt, lightened_rig
@@ -207,3 +209,53 @@ def test_what_it_may_give_out_is_claimed_of_the_limits_of_its_axis() -> None:
     debt = (most * rig.period_s) ** 2 / LOWER
     assert 2.0 * claim.reserve == pytest.approx(0.5 * (0.5 * LOWER) * speed**2 + debt)
     assert claim.blind == rig.loop.missing_limit + rig.overrun_limit
+
+
+def loaded(seconds: float, rate: float) -> Rig:
+    """The same levers, each with a weight whose effort and its error are kept for it."""
+    rig = lightened(seconds)
+    sides = {}
+    for side in SIDES:
+        whole = getattr(rig, side)
+        axis = whole.axes["lever"].model_copy(
+            update={"load": Load(constant=0.2, sine=0.1), "effort_rate_limit": rate}
+        )
+        sides[side] = whole.model_copy(update={"axes": {"lever": axis}})
+    return rig.model_copy(update=sides)
+
+
+def test_beside_a_load_it_is_claimed_of_what_that_leaves_of_effort_and_rate() -> None:
+    rig = loaded(1.0, 800.0)
+    axis, delays = rig.master.axes["lever"], declared_delays(rig)
+    kept = axis_allowance(rig, "master.lever", delays["master.lever"]).load_effort
+    assert 0.2 < kept < 0.4
+    claim = inertia_claim(rig, "master.lever", delays)
+    assert isinstance(claim, Claim)
+    most = 0.5 * (axis.effort_limit - kept)
+    assert (claim.effort, claim.rate) == (pytest.approx(most), 400.0)
+    debt = (most * rig.period_s) ** 2 / LOWER
+    reserve = 0.5 * (0.5 * LOWER) * (axis.velocity_limit or 0.0) ** 2
+    assert 2.0 * claim.reserve == pytest.approx(reserve + debt)
+    bare = inertia_claim(lightened(1.0), "master.lever", delays)
+    assert isinstance(bare, Claim)
+    assert claim.under_way > bare._replace(effort=most).under_way  # half the rate: a longer ramp
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [60.0, 800.0])
+def test_beside_a_load_all_that_is_sent_is_within_the_motor_and_it_gives_no_more_than_is_claimed(
+    rate: float,
+) -> None:
+    """Slow enough a motor, and what is sent lags behind what was asked for."""
+    rig = loaded(0.6, rate)
+    run = simulate(rig, engine="python")
+    assert run.error is None
+    for side in SIDES:
+        name = f"{side}.lever"
+        claim = inertia_claim(rig, name, declared_delays(rig))
+        assert isinstance(claim, Claim)
+        given = max(0.0, -float(np.min(run[f"lever.inertia_{side}.absorbed"])))
+        assert 0.0 < given <= claim.seen(rig.claimed_s)
+        sent = run[f"load.{name}.effort"] + run[f"{name}.commanded"]
+        assert np.max(np.abs(sent)) <= rig.axes[name].effort_limit
+        assert np.max(np.abs(np.diff(sent))) <= rate * rig.period_s * (1.0 + 1e-9)
