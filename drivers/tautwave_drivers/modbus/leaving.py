@@ -90,6 +90,8 @@ def switch_off(client: Client, station: Station, clock: Clock) -> None:
     station.stage(0)
     with contextlib.suppress(DriverError):
         client.request(station, codec.write(profile.roles[role], 0))  # type: ignore[index]
+        for step in profile.after_command:
+            client.request(station, codec.write(step.register_name, step.value))
     if station.machine is not None:
         station.machine.disable()
         client.run(station, station.machine, 0.5)

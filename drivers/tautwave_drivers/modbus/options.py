@@ -52,7 +52,7 @@ class DeviceOptions(Block):
     """[m] per turn of the output; required for a linear axis."""
     direction: Literal[1, -1] = 1
     """-1: the axis counts against the drive."""
-    function_codes: list[Literal[3, 4, 6, 16, 23]] | None = None
+    function_codes: list[Literal[1, 2, 3, 4, 5, 6, 15, 16, 23]] | None = None
     """Those this drive accepts, where they are not the profile's."""
     effort_sensor: SensorRegister | None = None
     """Of an axis with `effort_sensor`; read in every cycle."""
@@ -203,6 +203,8 @@ def scale_of(axis: AxisSpec, options: DeviceOptions, profile: Profile) -> Scale:
         problems.append("torque_constant [N m/A] is required: the drive reports effort in amperes")
     if axis.kind == "linear" and options.feed is None:
         problems.append("feed [m per turn of the output] is required for a linear axis")
+    if axis.kind == "rotary" and any(one is not None and one.unit == "N" for one in used):
+        problems.append("the drive reports effort in N, which is for linear axes")
     if axis.kind == "rotary" and options.feed is not None:
         problems.append("feed is for linear axes; remove it, or make the axis linear")
     if problems:
@@ -221,6 +223,8 @@ def scale_of(axis: AxisSpec, options: DeviceOptions, profile: Profile) -> Scale:
     def effort(register: Register | None) -> float:
         if register is None:
             return 0.0
+        if register.unit == "N":  # of a linear motor
+            return register.scale * options.gear_ratio
         per_unit = {"N m": 1.0, "A": constant, "rated": rated}.get(register.unit)
         of_motor = (per_unit or 0.0) * register.scale
         return of_motor * options.gear_ratio * (math.tau / travel)

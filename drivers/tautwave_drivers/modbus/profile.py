@@ -8,7 +8,7 @@ every key; a file of one's own is named by its path in `devices: [{profile: ...}
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -17,10 +17,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from tautwave.errors import ConfigError
-from tautwave_drivers.modbus.protocol.registers import KINDS, bounds
+from tautwave_drivers.modbus.protocol.registers import KINDS, Block, blocks_of, bounds
 
 SHIPPED = ("generic", "dsy-rs", "cia402")
 
+SEQUENCES = ("after_command", "prepare", "enable", "disable", "fault_reset")
+BRIDGE = 16
+"""Words read in vain to save another request, which costs some 20 characters and two silences."""
 LAST = 0xFFFF
 Word = Annotated[int, Field(ge=0, le=LAST)]
 Value = Annotated[int, Field(ge=-(2**31), le=2**32 - 1)]
@@ -29,8 +32,13 @@ Role = Literal[
     "position", "velocity", "effort", "command_effort", "command_velocity", "command_position",
     "mode", "mode_display", "status", "fault", "control", "rated_torque", "counts",
 ]  # fmt: skip
-Unit = Literal["", "counts", "counts/s", "rpm", "rated", "N m", "s", "V", "A", "degC"]
-Functions = tuple[Literal[3, 4, 6, 16, 23], ...]
+Unit = Literal["", "counts", "counts/s", "rpm", "rated", "N m", "N", "s", "V", "A", "degC"]
+Functions = tuple[Literal[1, 2, 3, 4, 5, 6, 15, 16, 23], ...]
+Table = Literal["holding", "input", "coil", "discrete"]
+Gaps = Literal["refused", "readable"]
+BITS = ("coil", "discrete")
+READERS = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
+"""Function code that reads a table (MODBUS Application Protocol V1.1b3, 4.3)."""
 
 
 KeyPath = tuple[str | int, ...]
@@ -57,6 +65,9 @@ class Register(Keys):
     type: Literal["u16", "i16", "u32", "i32"] = "u16"
     word_order: Literal["high_first", "low_first"] | None = None
     """Of a 32-bit value; the profile's own if not given."""
+    table: Table | None = None
+    """Which of the tables it is in: holding registers if not given, where function code 3 reads;
+    a coil or discrete input is one bit."""
     scale: Positive = 1.0
     unit: Unit = ""
     access: Literal["r", "w", "rw"] = "rw"
@@ -167,8 +178,13 @@ class Profile(Keys):
     functions: Annotated[Functions, Field(min_length=1)]
     """Function codes that the drive accepts."""
     word_order: Literal["high_first", "low_first"] = "high_first"
-    gaps: Literal["refused", "readable"] = "refused"
-    """Whether addresses between its registers can be read."""
+    gaps: Gaps | dict[Table, Gaps] = "refused"
+    """Whether addresses between its registers can be read; may differ by table."""
+    most_registers: Annotated[int, Field(ge=2, le=125)] | dict[Table, int] = 125
+    """Most registers that one request reads; may differ by table."""
+    addressing: Literal["words", "objects"] = "words"
+    """objects: an address is that of an object, whose 32 bits need no second address; each is read
+    on its own."""
     outstanding: Annotated[int, Field(ge=1, le=64)] = 1
     """Requests that may be outstanding on a TCP connection, over all units behind it."""
     machine: Literal["steps", "cia402"] = "steps"
@@ -182,6 +198,8 @@ class Profile(Keys):
     counts_per_revolution: Positive | None = None
     """Of the motor, as delivered; `counts_per_revolution` of a device goes first."""
     states: States | None = None
+    after_command: tuple[Step, ...] = ()
+    """Written after each command: what makes the drive take it."""
     prepare: tuple[Step, ...] = ()
     """Before anything else, torque off: make it forget an earlier master."""
     enable: tuple[Step, ...] = ()
@@ -215,6 +233,7 @@ class Profile(Keys):
             if role not in self.roles:
                 yield ("roles",), f"{role} is missing; every profile needs it"
         yield from self._without_mode()
+        yield from self._out_of_reach()
         if self.machine == "cia402":
             lacking = {"control", "mode", "mode_display"} - set(self.roles)
             if lacking:
@@ -222,8 +241,51 @@ class Profile(Keys):
                 yield ("roles",), f"{missing} missing; machine: cia402 needs them"
         elif not self.enable or not self.disable or self.states is None:
             yield (), "enable, disable and states are required, unless machine is cia402"
-        if not {3, 4} & set(self.functions) or not {6, 16} & set(self.functions):
+        if not {1, 2, 3, 4} & set(self.functions) or not {5, 6, 15, 16} & set(self.functions):
             yield ("functions",), "one that reads (3 or 4) and one that writes (6, 16) are required"
+
+    def _out_of_reach(self) -> Iterator[tuple[KeyPath, str]]:
+        """Registers in a table that no function code of the drive reads, or writes."""
+        for name, one in self.registers.items():
+            table = self.table_of(one)
+            code = READERS[table]
+            if "r" in one.access and code not in self.functions:
+                text = f"function code {code} reads a register of {table}; it is not in functions"
+                yield ("registers", name, "table"), text
+            if table in BITS and one.type != "u16":
+                yield ("registers", name, "type"), f"a {table} is one bit; leave the type out"
+        for where, name in self._written():
+            register = self.registers.get(name)
+            if register is None:
+                continue
+            table = self.table_of(register)
+            if table in ("input", "discrete"):
+                yield where, f"{name} is in the table {table}, which cannot be written"
+            elif table == "coil" and not {5, 15} & set(self.functions):
+                yield where, f"{name} is a coil: function code 5 or 15 writes it, not in functions"
+            elif register.words == 2 and 16 not in self.functions:
+                yield where, f"{name} has 32 bits: only function code 16 writes them"
+        for step in self.after_command:
+            if step.write is None:
+                yield ("after_command",), "has writes only: nothing is waited for in a cycle"
+
+    def _written(self) -> Iterator[tuple[KeyPath, str]]:
+        for role in ("command_effort", "command_velocity", "control"):
+            if role in self.roles:
+                yield ("roles", role), self.roles[role]
+        for key in SEQUENCES:
+            for number, step in enumerate(getattr(self, key)):
+                if step.write is not None:
+                    yield (key, number, "write"), step.write
+        for key in ("settings", "settings_effort", "settings_velocity"):
+            for number, one in enumerate(getattr(self, key)):
+                yield (key, number, "register"), one.register_name
+        for part, at in ((self.eeprom_off, "eeprom_off"), (self.comm_loss, "comm_loss")):
+            if part is not None:
+                yield (at, "register"), part.register_name
+        for kind in ("effort", "velocity"):
+            for number, name in enumerate(getattr(self.limits, kind)):
+                yield ("limits", kind, number), name
 
     def _without_mode(self) -> Iterator[tuple[KeyPath, str]]:
         for kind in ("effort", "velocity"):
@@ -245,7 +307,7 @@ class Profile(Keys):
             (("modes", kind), self.roles.get("mode", ""), value)
             for kind, value in self.modes.items()
         ]
-        for key in ("prepare", "enable", "disable", "fault_reset"):
+        for key in SEQUENCES:
             for number, step in enumerate(getattr(self, key)):
                 if step.write is not None:
                     given.append(((key, number, "value"), step.write, step.value))
@@ -263,7 +325,7 @@ class Profile(Keys):
             register = self.registers.get(name)
             if register is None or value is None:
                 continue
-            low, high = bounds(register.type)
+            low, high = (0, 1) if self.table_of(register) in BITS else bounds(register.type)
             if not low <= value <= high:
                 yield where, f"{name} holds {low} to {high} as {register.type} (got {value})"
 
@@ -273,7 +335,7 @@ class Profile(Keys):
         named: list[tuple[KeyPath, str]] = [
             (("roles", role), name) for role, name in self.roles.items()
         ]
-        for key in ("prepare", "enable", "disable", "fault_reset"):
+        for key in SEQUENCES:
             for number, step in enumerate(getattr(self, key)):
                 named.append(((key, number, "write" if step.write else "wait"), step.register_name))
         for key in ("settings", "settings_effort", "settings_velocity", "expected"):
@@ -303,17 +365,37 @@ class Profile(Keys):
         name = self.roles.get(role)
         return None if name is None else self.registers[name]
 
+    def table_of(self, register: Register) -> Table:
+        """Return the table that a register is in."""
+        return register.table or ("holding" if 3 in self.functions else "input")
+
+    def blocks(self, names: Sequence[str]) -> list[Block]:
+        """Return what is read to have all of these registers, the block with the position first."""
+        found: list[Block] = []
+        for table in READERS:
+            here = [one for one in names if self.table_of(self.registers[one]) == table]
+            wanted = [(one, self.registers[one].address, self.registers[one].words) for one in here]
+            if self.addressing == "objects" or table in BITS:
+                found += [Block(at, words, (one,), table) for one, at, words in wanted]
+                continue
+            gaps, most = self.gaps, self.most_registers
+            gap = gaps if isinstance(gaps, str) else gaps.get(table, "refused")  # type: ignore[call-overload]
+            limit = most if isinstance(most, int) else most.get(table, 125)  # type: ignore[call-overload]
+            blocks = blocks_of(wanted, self._readable(table), gap == "readable", BRIDGE, limit)
+            found += [one._replace(table=table) for one in blocks]
+        found.sort(key=lambda block: self.roles["position"] not in block.names)
+        return found
+
     def low_first(self, register: Register) -> bool:
         """Return whether the low word of a 32-bit value comes first."""
         return (register.word_order or self.word_order) == "low_first"
 
-    @property
-    def readable(self) -> frozenset[int]:
-        """Addresses that are known to be readable."""
+    def _readable(self, table: str) -> frozenset[int]:
+        """Addresses of a table that are known to be readable."""
         return frozenset(
             address
             for one in self.registers.values()
-            if "r" in one.access
+            if "r" in one.access and self.table_of(one) == table
             for address in range(one.address, one.address + one.words)
         )
 

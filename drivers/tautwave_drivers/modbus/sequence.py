@@ -7,11 +7,11 @@ from typing import Protocol
 
 from tautwave.contracts import Clock
 from tautwave.errors import BusTimeout, DeviceFault
-from tautwave_drivers.modbus.profile import Profile, Step
+from tautwave_drivers.modbus.profile import BITS, READERS, Profile, Step
 from tautwave_drivers.modbus.protocol import frames
 from tautwave_drivers.modbus.protocol.frames import Request
 from tautwave_drivers.modbus.protocol.messages import exception_text, function_text
-from tautwave_drivers.modbus.protocol.registers import from_words, to_words
+from tautwave_drivers.modbus.protocol.registers import Block, from_words, to_words
 
 CHECK = "check"
 """The sequence of steps that only compare: what differs has been forgotten."""
@@ -47,18 +47,31 @@ class RegisterCodec:
 
     def __init__(self, profile: Profile, functions: Sequence[int]) -> None:
         self.profile = profile
-        self.reading = 3 if 3 in functions else 4
+        self._functions = functions
         self.several = 16 in functions
-        self.both = 23 in functions and self.several and self.reading == 3
+        self.both = 23 in functions and self.several and 3 in functions
 
     def read(self, name: str) -> Request:
         """Return the request that reads one register."""
         register = self.profile.registers[name]
-        return frames.read(self.reading, register.address, register.words)
+        table = self.profile.table_of(register)
+        return self.read_block(Block(register.address, register.words, (name,), table))
+
+    def read_block(self, block: Block) -> Request:
+        """Return the request that reads adjacent registers."""
+        function = READERS[block.table]
+        if block.table in BITS:
+            return frames.read_bit(function, block.address)
+        if function == 3 and 3 not in self._functions:
+            function = 4  # a drive of which it is said that it takes no other
+        return frames.read(function, block.address, block.words)
 
     def write(self, name: str, value: int) -> Request:
         """Return the request that writes one register."""
         register = self.profile.registers[name]
+        if self.profile.table_of(register) == "coil":
+            several = 5 not in self._functions
+            return frames.write_coil(register.address, value, several=several)
         words = to_words(value, register.type, self.profile.low_first(register))
         if self.several:
             return frames.write(register.address, words)
@@ -67,6 +80,8 @@ class RegisterCodec:
     def decode(self, name: str, pdu: bytes) -> int:
         """Return the value in a response."""
         register = self.profile.registers[name]
+        if self.profile.table_of(register) in BITS:
+            return pdu[2] & 1
         words = frames.words_of(pdu)
         return from_words(words, register.type, self.profile.low_first(register))
 

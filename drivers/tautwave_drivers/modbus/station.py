@@ -7,13 +7,12 @@ from collections.abc import Callable, Sequence
 
 from tautwave.contracts import Clock
 from tautwave.types import AxisCommand, Fault, JointState
-from tautwave_drivers.modbus.budget import BRIDGE
 from tautwave_drivers.modbus.machine402 import Drive402
 from tautwave_drivers.modbus.options import Device
-from tautwave_drivers.modbus.profile import Step
+from tautwave_drivers.modbus.profile import BITS, Step
 from tautwave_drivers.modbus.protocol import frames
 from tautwave_drivers.modbus.protocol.frames import Request
-from tautwave_drivers.modbus.protocol.registers import Block, Place, blocks_of, to_words
+from tautwave_drivers.modbus.protocol.registers import Block, Place, to_words
 from tautwave_drivers.modbus.protocol.transaction import Transaction
 from tautwave_drivers.modbus.sequence import (
     CHECK,
@@ -47,27 +46,23 @@ class Plan:
 
     def __init__(self, device: Device, codec: RegisterCodec) -> None:
         profile = device.profile
-        wanted = []
-        for name in device.read_names:
-            register = profile.registers[name]
-            wanted.append((name, register.address, register.words))
-        blocks = blocks_of(wanted, profile.readable, profile.gaps == "readable", BRIDGE)
         # The block with the position first: function code 23 reads it with the command.
-        first = next(one for one in blocks if profile.roles["position"] in one.names)
-        self.blocks: list[Block] = [first, *(one for one in blocks if one is not first)]
-        self.reads = [frames.read(codec.reading, one.address, one.words) for one in self.blocks]
+        self.blocks: list[Block] = profile.blocks(device.read_names)
+        first = self.blocks[0]
+        self.reads = [codec.read_block(one) for one in self.blocks]
+        after = [codec.write(step.register_name, step.value) for step in profile.after_command]
         self._profile = profile
         address, zero = device.command.address, (0,) * device.command.words
         self.both: Request | None = None
-        if codec.both:
+        if codec.both and first.table == "holding" and not after:
             self.both = frames.read_write(first.address, first.words, address, zero)
             self.command = self.both
             self.requests = [self.both, *self.reads[1:]]
         else:
             several = codec.several
             self.command = frames.write(address, zero) if several else frames.write_one(address, 0)
-            self.requests = [self.command, *self.reads]
-        self.skip = 0 if codec.both else 1
+            self.requests = [self.command, *after, *self.reads]
+        self.skip = len(self.requests) - len(self.reads)
         """Responses before that with the position."""
         self.position = self._place(profile.roles["position"])
         self.status = self._place(profile.roles["status"])
@@ -81,6 +76,8 @@ class Plan:
         register = self._profile.registers[name]
         for number, block in enumerate(self.blocks):
             if name in block.names:
+                if block.table in BITS:
+                    return number, lambda pdu: pdu[2] & 1
                 low_first = self._profile.low_first(register)
                 place = Place(register.address - block.address, register.type, low_first)
                 return number, place.reader()
@@ -298,7 +295,7 @@ class Station:
         name = self._doubtful[0].register_name
         read = self.codec.read(name)
         if self.plan.both is None or read.function != 3:
-            return (self.plan.command, read)
+            return (*self.plan.requests[: self.plan.skip or 1], read)
         register, command = self.device.profile.registers[name], self.device.command
         return (frames.read_write(register.address, register.words, command.address, self._staged),)
 

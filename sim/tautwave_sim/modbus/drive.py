@@ -10,10 +10,16 @@ from tautwave_sim.modbus.families import load_table
 from tautwave_sim.modbus.machines import Machine, make_machine
 from tautwave_sim.modbus.motor import Motor
 from tautwave_sim.modbus.options import DeviceKeys, Quirks
-from tautwave_sim.modbus.registers import DEVICE_BUSY, DEVICE_FAILURE, Refusal, RegisterBank
+from tautwave_sim.modbus.registers import (
+    DEVICE_BUSY,
+    DEVICE_FAILURE,
+    TABLES,
+    Refusal,
+    RegisterBank,
+)
 from tautwave_sim.modbus.table import Table
 from tautwave_sim.modbus.units import drive_scale
-from tautwave_sim.modbus.wire.protocol import Request
+from tautwave_sim.modbus.wire.protocol import TABLE_OF, Request
 
 COMMANDS = ("command_effort", "command_velocity", "command_position")
 OVERCURRENT = 0x2310
@@ -46,7 +52,8 @@ class Drive:
         self.table: Table = load_table(device.profile)
         self.functions = device.function_codes or self.table.functions
         self.bank = RegisterBank(self.table.registers)
-        self.bank.gaps_read_zero = quirks.gaps_read_zero or self.table.gaps_read_zero
+        self.bank.gaps_read_zero = TABLES if quirks.gaps_read_zero else self.table.gaps_read_zero
+        self.bank.objects, self.bank.most = self.table.objects, self.table.most
         self._quirks = quirks
         self._prime(device)
         rated = self._rated(device)
@@ -161,34 +168,36 @@ class Drive:
     def commanded_by(self, request: Request) -> bool:
         """Return whether a request writes a command."""
         roles, count = self.table.roles, len(request.words)
+        table = TABLE_OF.get(request.function, "holding")
         return any(
-            role in roles and self.bank.holds(roles[role], request.write_address, count)
+            role in roles and self.bank.holds(roles[role], request.write_address, count, table)
             for role in COMMANDS
         )
 
     def shows_position(self, request: Request) -> bool:
         """Return whether a request reads the position."""
         name = self.table.roles["position"]
-        return self.bank.holds(name, request.read_address, request.read_count)
+        table = TABLE_OF.get(request.function, "holding")
+        return self.bank.holds(name, request.read_address, request.read_count, table)
 
     # --------------------------------------------------------------------------- requests
 
-    def read(self, address: int, count: int) -> list[int]:
+    def read(self, address: int, count: int, table: str = "holding") -> list[int]:
         """Return words; raises `Refusal`."""
         if self.now_ns < self._busy_ns:
             raise Refusal(DEVICE_BUSY)
-        words = self.bank.read(address, count)
+        words = self.bank.read(address, count, table)
         bit = self.table.limit_bit
         status = self.bank.registers[self.table.roles["status"]].address
         if bit and self.limited and address <= status < address + count:
             words[status - address] |= bit
         return words
 
-    def write(self, address: int, words: Sequence[int]) -> None:
+    def write(self, address: int, words: Sequence[int], table: str = "holding") -> None:
         """Take words, all or none; raises `Refusal`."""
         if self.now_ns < self._busy_ns:
             raise Refusal(DEVICE_BUSY)
-        fresh = self.bank.check(address, words)
+        fresh = self.bank.check(address, words, table)
         stored = [name for name in fresh if self.bank.registers[name].eeprom]
         if stored and self._stores():
             life = self._quirks.eeprom_life

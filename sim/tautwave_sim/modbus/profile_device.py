@@ -16,7 +16,7 @@ from tautwave.config.text.document import nearest, read_text
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 from tautwave_sim.modbus.profile_keys import ProfileKeys, RegisterKeys, StepKeys
-from tautwave_sim.modbus.registers import Register
+from tautwave_sim.modbus.registers import TABLES, Register
 from tautwave_sim.modbus.table import Sequences, Table, make_register
 
 RATED_TORQUE = 1.0
@@ -65,7 +65,7 @@ def _mistakes(keys: ProfileKeys) -> Iterator[tuple[KeyPath, str]]:
                 yield ("roles",), f"{role} is missing; machine: cia402 needs it"
     elif not keys.enable or not keys.disable or keys.states is None:
         yield (), "enable, disable and states are required, unless machine is cia402"
-    if not {3, 4} & set(keys.functions) or not {6, 16} & set(keys.functions):
+    if not {1, 2, 3, 4} & set(keys.functions) or not {5, 6, 15, 16} & set(keys.functions):
         yield ("functions",), "one that reads (3 or 4) and one that writes (6, 16) are required"
 
 
@@ -100,7 +100,7 @@ def _table(keys: ProfileKeys) -> Table:
         roles=roles,
         modes={value: kind for kind, value in keys.modes.items()},
         states={
-            "off": 0,
+            "off": _off(keys),
             "on": states.enabled.value if states else 0,
             "fault": states.fault.value if states else 0,
         },
@@ -109,12 +109,28 @@ def _table(keys: ProfileKeys) -> Table:
         counts_per_revolution=keys.counts_per_revolution or COUNTS,
         limit_bit=states.limit.value if states is not None and states.limit is not None else 0,
         eeprom_off=off.value if off is not None else 0,
-        gaps_read_zero=keys.gaps == "readable",
+        gaps_read_zero=tuple(
+            table
+            for table in TABLES
+            if (keys.gaps if isinstance(keys.gaps, str) else keys.gaps.get(table)) == "readable"  # type: ignore[call-overload]
+        ),
+        objects=keys.addressing == "objects",
+        most=(
+            dict.fromkeys(TABLES, keys.most_registers)
+            if isinstance(keys.most_registers, int)
+            else {str(table): most for table, most in keys.most_registers.items()}
+        ),
         sequences=_sequences(keys),
     )
 
 
-_EFFORTS = {"rated": "effort", "N m": "effort_nm", "A": "effort_a"}
+def _off(keys: ProfileKeys) -> int:
+    """Return what the status shows of a drive that is off: what disabling waits for."""
+    waits = [step for step in keys.disable if step.wait == keys.roles.get("status")]
+    return waits[-1].value & waits[-1].mask if waits else 0
+
+
+_EFFORTS = {"rated": "effort", "N m": "effort_nm", "N": "effort_n", "A": "effort_a"}
 COUNTS = 65536
 """Default counts of a revolution."""
 

@@ -23,7 +23,9 @@ Role = Literal[
     "position", "velocity", "effort", "command_effort", "command_velocity", "command_position",
     "mode", "mode_display", "status", "fault", "control", "rated_torque", "counts",
 ]  # fmt: skip
-Unit = Literal["", "counts", "counts/s", "rpm", "rated", "N m", "s", "V", "A", "degC"]
+Unit = Literal["", "counts", "counts/s", "rpm", "rated", "N m", "N", "s", "V", "A", "degC"]
+InTable = Literal["holding", "input", "coil", "discrete"]
+Gaps = Literal["refused", "readable"]
 Name = Annotated[str, Field(alias="register")]
 
 
@@ -48,6 +50,7 @@ class RegisterKeys(Keys):
     address: Annotated[int, Field(ge=0, le=LAST)]
     type: Literal["u16", "i16", "u32", "i32"] = "u16"
     word_order: Order | None = None
+    table: InTable | None = None
     scale: Positive = 1.0
     unit: Unit = ""
     access: Literal["r", "w", "rw"] = "rw"
@@ -132,9 +135,11 @@ class ProfileKeys(Keys):
 
     family: Annotated[str, Field(min_length=1)]
     source: Annotated[str, Field(min_length=1)]
-    functions: Annotated[tuple[Literal[3, 4, 6, 16, 23], ...], Field(min_length=1)]
+    functions: Annotated[tuple[Literal[1, 2, 3, 4, 5, 6, 15, 16, 23], ...], Field(min_length=1)]
     word_order: Order = "high_first"
-    gaps: Literal["refused", "readable"] = "refused"
+    gaps: Gaps | dict[InTable, Gaps] = "refused"
+    most_registers: Annotated[int, Field(ge=2, le=125)] | dict[InTable, int] = 125
+    addressing: Literal["words", "objects"] = "words"
     outstanding: Annotated[int, Field(ge=1, le=64)] = 1
     machine: Literal["steps", "cia402"] = "steps"
     object_address: str | None = None
@@ -143,6 +148,7 @@ class ProfileKeys(Keys):
     modes: dict[Literal["effort", "velocity"], int]
     counts_per_revolution: Positive | None = None
     states: StatesKeys | None = None
+    after_command: tuple[StepKeys, ...] = ()
     prepare: tuple[StepKeys, ...] = ()
     enable: tuple[StepKeys, ...] = ()
     disable: tuple[StepKeys, ...] = ()
@@ -163,7 +169,7 @@ class ProfileKeys(Keys):
         """Yield every place where a register is named, with the name."""
         for role, name in self.roles.items():
             yield ("roles", role), name
-        for key in ("prepare", "enable", "disable", "fault_reset"):
+        for key in ("after_command", "prepare", "enable", "disable", "fault_reset"):
             for number, step in enumerate(getattr(self, key)):
                 verb, name = step.named
                 yield (key, number, verb), name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 ILLEGAL_FUNCTION = 1
@@ -14,6 +14,9 @@ NO_ANSWER_BEHIND = 11
 """Exception codes (MODBUS Application Protocol Specification V1.1b3, 7)."""
 
 TYPES = {"u16": (1, False), "i16": (1, True), "u32": (2, False), "i32": (2, True)}
+
+
+TABLES = ("holding", "input")
 
 
 class Refusal(Exception):
@@ -39,6 +42,8 @@ class Register(NamedTuple):
     high: int = 0xFFFF
     default: int = 0
     eeprom: bool = False
+    table: str = ""
+    """holding, input, coil or discrete; '': whichever registers are asked for."""
 
     @property
     def words(self) -> int:
@@ -85,19 +90,32 @@ class RegisterBank:
         self.values = {name: one.default for name, one in registers.items()}
         self.readers: dict[str, Callable[[], int]] = {}
         """Called for a value that is measured or computed."""
-        self.gaps_read_zero = False
-        """Whether words between registers read as 0, as in some drives, instead of exception 2."""
-        self._at: dict[int, tuple[Register, int]] = {}
+        self.gaps_read_zero: Collection[str] = ()
+        """Tables whose words between registers read as 0, as in some drives, instead of exception
+        2."""
+        self.objects = False
+        """Whether an address is that of an object, which is read and written as a whole."""
+        self.most: Mapping[str, int] = {}
+        """Most words that one request reads of a table, where that is less than the standard's."""
+        self._at: dict[tuple[str, int], tuple[Register, int]] = {}
+        self._objects = {(one.table, one.address): one for one in registers.values()}
         for one in registers.values():
             for word in range(one.words):
-                self._at[one.address + word] = (one, word)
+                self._at.setdefault((one.table, one.address + word), (one, word))
+
+    def _find(self, table: str, address: int) -> tuple[Register, int] | None:
+        return self._at.get((table, address)) or self._at.get(("", address))
+
+    def _object(self, table: str, address: int, words: int) -> Register | None:
+        found = self._objects.get((table, address)) or self._objects.get(("", address))
+        return found if found is not None and found.words == words else None
 
     def __contains__(self, name: str) -> bool:
         return name in self.registers
 
     def addresses(self) -> list[int]:
         """Return every address that holds a word, in order."""
-        return sorted(self._at)
+        return sorted({address for _, address in self._at})
 
     def number(self, name: str) -> int:
         """Return a value as it is now."""
@@ -108,18 +126,29 @@ class RegisterBank:
         """Set a value, whatever its access."""
         self.values[name] = value
 
-    def holds(self, name: str, address: int, count: int) -> bool:
-        """Return whether any word of a register is among these."""
+    def holds(self, name: str, address: int, count: int, table: str = "holding") -> bool:
+        """Return whether any word of a register is among these of a table."""
         one = self.registers[name]
+        if one.table not in ("", table):
+            return False
+        if self.objects:
+            return one.address == address
         return address < one.address + one.words and one.address < address + count
 
-    def read(self, address: int, count: int) -> list[int]:
+    def read(self, address: int, count: int, table: str = "holding") -> list[int]:
         """Return words; refuses where there is none, or none to be read."""
+        if count > self.most.get(table, 125):
+            raise Refusal(ILLEGAL_VALUE)
+        if self.objects:
+            whole = self._object(table, address, count)
+            if whole is None or "r" not in whole.access:
+                raise Refusal(ILLEGAL_ADDRESS)
+            return whole.encode(self.number(whole.name))
         known: dict[str, list[int]] = {}
         words = []
         for at in range(address, address + count):
-            found = self._at.get(at)
-            if found is None and self.gaps_read_zero and at <= 0xFFFF:
+            found = self._find(table, at)
+            if found is None and table in self.gaps_read_zero and at <= 0xFFFF:
                 words.append(0)
                 continue
             if found is None or "r" not in found[0].access:
@@ -130,18 +159,20 @@ class RegisterBank:
             words.append(known[one.name][word])
         return words
 
-    def check(self, address: int, words: Sequence[int]) -> dict[str, int]:
+    def check(self, address: int, words: Sequence[int], table: str = "holding") -> dict[str, int]:
         """Return the values that a write sets; refuses a wrong address, access or range.
 
         A 32-bit value of which one word is written keeps its other word.
         """
+        places: list[tuple[Register, int]] = []
+        whole = self._object(table, address, len(words)) if self.objects else None
         for at in range(address, address + len(words)):
-            found = self._at.get(at)
-            if found is None or "w" not in found[0].access:
+            found = self._find(table, at) if whole is None else (whole, at - address)
+            if found is None or "w" not in found[0].access or (self.objects and whole is None):
                 raise Refusal(ILLEGAL_ADDRESS)
+            places.append(found)
         pieces: dict[str, list[int]] = {}
-        for at, value in enumerate(words, address):
-            one, word = self._at[at]
+        for (one, word), value in zip(places, words, strict=True):
             pieces.setdefault(one.name, one.encode(self.values[one.name]))[word] = value
         fresh = {name: self.registers[name].decode(piece) for name, piece in pieces.items()}
         for name, value in fresh.items():

@@ -37,8 +37,10 @@ class Table(NamedTuple):
     counts_per_revolution: float
     limit_bit: int = 0
     eeprom_off: int = 0
-    gaps_read_zero: bool = False
-    """Whether words between its registers can be read."""
+    gaps_read_zero: tuple[str, ...] = ()
+    """Tables of which words between registers can be read."""
+    objects: bool = False
+    most: Mapping[str, int] = {}
     sequences: Sequences | None = None
     """Of a drive that a third party's profile describes."""
 
@@ -57,4 +59,5 @@ def make_register(name: str, keys: Mapping[str, Any], low_first: bool) -> Regist
         keys.get("high", high),
         keys.get("default", 0),
         keys.get("eeprom", False),
+        keys.get("table") or "",
     )

@@ -43,6 +43,8 @@ def drive_scale(
     if "effort_a" in table.scale:
         step = table.scale["effort_a"] * (device.torque_constant or 1.0)
     effort = float(step) * device.gear_ratio * (math.tau / travel)
+    if "effort_n" in table.scale:  # of a linear motor
+        effort = float(table.scale["effort_n"]) * device.gear_ratio
     return Scale(
         _agreed(position, truth.encoder_quantum),
         _agreed(velocity, truth.velocity_quantum),

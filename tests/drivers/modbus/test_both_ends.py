@@ -49,7 +49,7 @@ def line(start: str) -> int:
          "address"),
         ("{address: 34,", "{adress: 34,", "  torque_limit:",
          "registers.torque_limit.adress: unknown key 'adress'; did you mean 'address'? Allowed: "
-         "address, type, word_order, scale, unit, access, lasting"),
+         "address, type, word_order, table, scale, unit, access, lasting"),
         ("{address: 34,", "{address: [34],", "  torque_limit:",
          "registers.torque_limit.address: Input should be a valid integer (got a list)"),
         ("{address: 34,", "{address: 34.5,", "  torque_limit:",

@@ -165,7 +165,7 @@ def test_a_register_that_a_drive_does_not_let_us_use_is_named_with_its_exception
     reported = refusal(made)
     assert "torque_limit does not take 500: value or count not accepted (exception 03)" in reported
     made = bench()
-    made.world.bus.drives[1].bank._at.pop(limit.address)
+    made.world.bus.drives[1].bank._at.pop(("", limit.address))
     reported = refusal(made)
     assert "torque_limit cannot be read: " in reported
 
@@ -191,7 +191,7 @@ def test_a_command_that_a_drive_does_not_take_is_named(
 def test_a_status_that_a_cia_402_drive_does_not_show_is_named() -> None:
     made = bench(profile="cia402")
     bank = made.world.bus.drives[1].bank
-    bank._at.pop(bank.registers["statusword"].address)
+    bank._at.pop(("", bank.registers["statusword"].address))
     with pytest.raises(DeviceFault, match=r"slave\.a1 \(unit 1\): statusword: .*exception 02"):
         made.enable()
     made.driver.close()

@@ -152,7 +152,7 @@ def test_a_gateway_without_a_drive_behind_it_is_no_silent_drive(
 
 @pytest.mark.parametrize("tcp", [True, False])
 @pytest.mark.parametrize("code", [5, 6])
-@pytest.mark.parametrize("times", [1, 7, 40])
+@pytest.mark.parametrize("times", [1, 7, 20])
 def test_a_drive_that_needs_time_is_asked_again_at_each_request_of_bring_up(
     monkeypatch: pytest.MonkeyPatch, tcp: bool, code: int, times: int
 ) -> None:

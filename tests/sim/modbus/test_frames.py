@@ -51,12 +51,12 @@ class Plain:
         }
         self.bank = RegisterBank(registers)
 
-    def write(self, address: int, words: tuple[int, ...]) -> None:
-        for name, value in self.bank.check(address, words).items():
+    def write(self, address: int, words: tuple[int, ...], table: str = "holding") -> None:
+        for name, value in self.bank.check(address, words, table).items():
             self.bank.store(name, value)
 
-    def read(self, address: int, count: int) -> list[int]:
-        return self.bank.read(address, count)
+    def read(self, address: int, count: int, table: str = "holding") -> list[int]:
+        return self.bank.read(address, count, table)
 
 
 @pytest.mark.parametrize(("request_", "response", "words"), SPECIFICATION)

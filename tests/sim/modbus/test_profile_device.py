@@ -133,7 +133,7 @@ def test_torque_in_amperes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "right", "said"),
     [
-        ("unit: N m", "unit: V", "11: registers.torque.unit: rated, N m, A can be simulated"),
+        ("unit: N m", "unit: V", "11: registers.torque.unit: rated, N m, N, A can be simulated"),
         ("unit: rpm", "unit: V", "10: registers.speed.unit: rpm, or counts/s with scale 1, can"),
         ("  position: position\n", "", "20: roles: position is missing; every profile needs it"),
         ("modes:", "machine: cia402\nmodes:", "20: roles: control is missing; machine: cia402 n"),

@@ -102,6 +102,21 @@ def read(function: int, address: int, count: int) -> Request:
     return Request(pdu, bytes((function, 2 * count)), 2 + 2 * count)
 
 
+def read_bit(function: int, address: int) -> Request:
+    """Return a read of one coil (function code 1) or discrete input (2)."""
+    pdu = struct.pack(">BHH", function, address, 1)
+    return Request(pdu, bytes((function, 1)), 3)
+
+
+def write_coil(address: int, value: int, *, several: bool) -> Request:
+    """Return a write of one coil: function code 5, or 15."""
+    if several:
+        pdu = struct.pack(">BHHBB", 15, address, 1, 1, value & 1)
+        return Request(pdu, pdu[:5], 5)
+    pdu = struct.pack(">BHH", 5, address, 0xFF00 if value else 0)
+    return Request(pdu, pdu, 5)
+
+
 def write(address: int, words: Sequence[int]) -> Request:
     """Return a write of several registers: function code 16."""
     kind = _vendor().registers.WriteMultipleRegistersRequest

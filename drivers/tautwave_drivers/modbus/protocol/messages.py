@@ -21,9 +21,13 @@ EXCEPTIONS = {
 }
 
 FUNCTIONS = {
+    1: "read coils",
+    2: "read discrete inputs",
     3: "read registers",
     4: "read input registers",
+    5: "write coil",
     6: "write register",
+    15: "write coils",
     16: "write registers",
     23: "read and write registers",
     43: "identify",

@@ -64,15 +64,20 @@ class Place(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Adjacent registers that are read at once."""
+    """Adjacent registers of a table that are read at once."""
 
     address: int
     words: int
     names: tuple[str, ...]
+    table: str = "holding"
 
 
 def blocks_of(
-    wanted: Sequence[tuple[str, int, int]], readable: frozenset[int], gaps: bool, bridge: int
+    wanted: Sequence[tuple[str, int, int]],
+    readable: frozenset[int],
+    gaps: bool,
+    bridge: int,
+    most: int = 125,
 ) -> list[Block]:
     """Return the fewest blocks that hold all wanted registers.
 
@@ -86,6 +91,8 @@ def blocks_of(
         Whether any address in between can be read.
     bridge : int
         Most words read in vain to save a request.
+    most : int
+        Most words that one request reads.
     """
     blocks: list[Block] = []
     for name, address, words in sorted(wanted, key=lambda one: one[1]):
@@ -94,7 +101,7 @@ def blocks_of(
             last = blocks[-1]
             between = range(last.address + last.words, address)
             known = gaps or all(one in readable for one in between)
-            if known and len(between) <= bridge and end - last.address <= 125:
+            if known and len(between) <= bridge and end - last.address <= most:
                 words = max(last.words, end - last.address)
                 blocks[-1] = Block(last.address, words, (*last.names, name))
                 continue

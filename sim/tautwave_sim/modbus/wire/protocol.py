@@ -17,8 +17,13 @@ from tautwave_sim.modbus.registers import (
     Refusal,
 )
 
+READ_COILS, READ_DISCRETE, WRITE_COIL, WRITE_COILS = 1, 2, 5, 15
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY, READ_WRITE = 3, 4, 6, 16, 23
-READS = (READ_HOLDING, READ_INPUT, READ_WRITE)
+READS = (READ_COILS, READ_DISCRETE, READ_HOLDING, READ_INPUT, READ_WRITE)
+TABLE_OF = {READ_COILS: "coil", READ_DISCRETE: "discrete", READ_INPUT: "input", WRITE_COIL: "coil",
+          WRITE_COILS: "coil"}  # fmt: skip
+"""The table that a function code is about, where it is not that of holding registers."""
+MOST_BITS = 2000
 MOST_READ, MOST_WRITTEN, MOST_WRITTEN_READING = 125, 123, 121
 
 _PAIR = struct.Struct(">HH")
@@ -43,12 +48,12 @@ class Server(Protocol):
         """Function codes that it knows."""
         ...
 
-    def write(self, address: int, words: Sequence[int]) -> None:
-        """Take words; raises `Refusal`."""
+    def write(self, address: int, words: Sequence[int], table: str = "holding") -> None:
+        """Take words of a table, or bits; raises `Refusal`."""
         ...
 
-    def read(self, address: int, count: int) -> list[int]:
-        """Return words; raises `Refusal`."""
+    def read(self, address: int, count: int, table: str = "holding") -> list[int]:
+        """Return words of a table, or bits; raises `Refusal`."""
         ...
 
 
@@ -57,12 +62,21 @@ def parse(pdu: bytes, functions: Sequence[int]) -> Request:
     if not pdu or pdu[0] not in functions:
         raise Refusal(ILLEGAL_FUNCTION)
     function, body = pdu[0], pdu[1:]
-    if function in (READ_HOLDING, READ_INPUT):
+    if function in (READ_COILS, READ_DISCRETE, READ_HOLDING, READ_INPUT):
         if len(body) != 4:
             raise Refusal(ILLEGAL_VALUE)
         address, count = _PAIR.unpack(body)
         request = Request(function, read_address=address, read_count=count)
-        _check(1 <= count <= MOST_READ)
+        _check(1 <= count <= (MOST_BITS if function in TABLE_OF and function != 4 else MOST_READ))
+    elif function == WRITE_COIL:
+        _check(len(body) == 4 and body[2:] in (b"\xff\x00", b"\x00\x00"))
+        request = Request(function, _PAIR.unpack(body)[0], (int(body[2] == 0xFF),))
+    elif function == WRITE_COILS:
+        _check(len(body) >= 6)
+        address, count = _PAIR.unpack_from(body)
+        _check(1 <= count <= MOST_BITS and len(body) == 5 + body[4] == 5 + (count + 7) // 8)
+        bits = tuple(body[5 + at // 8] >> at % 8 & 1 for at in range(count))
+        request = Request(function, address, bits)
     elif function == WRITE_ONE:
         if len(body) != 4:
             raise Refusal(ILLEGAL_VALUE)
@@ -104,16 +118,22 @@ def respond(server: Server, pdu: bytes) -> bytes:
     try:
         request = parse(pdu, server.functions)
         # FC 23 writes before it reads (6.17), but nothing at all if the read is refused.
+        table = TABLE_OF.get(request.function, "holding")
         if request.words and request.read_count:
             server.read(request.read_address, request.read_count)
         if request.words:
-            server.write(request.write_address, request.words)
+            server.write(request.write_address, request.words, table)
         if request.read_count:
-            words = server.read(request.read_address, request.read_count)
+            words = server.read(request.read_address, request.read_count, table)
+            if table in ("coil", "discrete"):
+                packed = bytearray((len(words) + 7) // 8)
+                for at, bit in enumerate(words):
+                    packed[at // 8] |= (bit & 1) << at % 8
+                return bytes((request.function, len(packed))) + packed
             return struct.pack(f">BB{len(words)}H", request.function, 2 * len(words), *words)
     except Refusal as refusal:
         return exception(pdu, refusal.code)
-    if request.function == WRITE_ONE:
+    if request.function in (WRITE_ONE, WRITE_COIL):
         return pdu
     return struct.pack(">BHH", request.function, request.write_address, len(request.words))
 
