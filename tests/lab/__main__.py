@@ -3,12 +3,14 @@
 from tests.lab.command import lab
 from tests.lab.papers.command import papers
 from tests.lab.renamed import renamed
+from tests.lab.soak import soak
 from tests.lab.springs import springs
 from tests.lab.strangers.shares import shares
 from tests.lab.waiting import waiting
 
 lab.add_command(papers)
 lab.add_command(renamed)
+lab.add_command(soak)
 lab.add_command(springs)
 lab.add_command(shares)
 lab.add_command(waiting)

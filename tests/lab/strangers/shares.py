@@ -24,6 +24,7 @@ from tautwave.sites.certificates import identity_files, make_authority
 from tautwave.sites.control import client_context, dial
 from tautwave.sites.desk import Order
 from tautwave.sites.path import PURPOSE
+from tests.lab.kept import append_option, append_suites
 from tests.lab.strangers.crowd import HOST, KINDS
 from tests.view.served import elsewhere, knock, served
 
@@ -187,9 +188,15 @@ def measure(whom: Sequence[str], kinds: Sequence[str], counts: Sequence[int], di
               show_default=True, help="Strangers at once.")  # fmt: skip
 @click.option("--dials", type=click.IntRange(1), default=10, show_default=True,
               help="Right dials of each cell.")  # fmt: skip
+@append_option
 @json_option
 def shares(
-    whom: Sequence[str], kinds: Sequence[str], counts: Sequence[int], dials: int, as_json: bool
+    whom: Sequence[str],
+    kinds: Sequence[str],
+    counts: Sequence[int],
+    dials: int,
+    append: Path | None,
+    as_json: bool,
 ) -> None:
     """Measure the share of right dials that get in within 5 s while strangers are at the port.
 
@@ -201,4 +208,6 @@ def shares(
         python -m tests.lab strangers
         python -m tests.lab strangers --serving site --kind half --count 100
     """
-    print_suites([measure(whom, kinds, counts, dials)], as_json)
+    suites = [measure(whom, kinds, counts, dials)]
+    append_suites(append, suites)
+    print_suites(suites, as_json)
