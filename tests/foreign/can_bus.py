@@ -66,6 +66,10 @@ class ForeignBus:
         self._push(self.now_ns + OUT_NS, True, can_id, data)
         return True
 
+    def controller_says(self, can_id: int, data: bytes) -> None:
+        """Have the controller report something by an error frame (CAN_ERR_FLAG set)."""
+        self._push(self.now_ns, False, can_id | 0x20000000, data)
+
     def receive(self) -> tuple[int, bytes, int] | None:
         return self._inbox.pop(0) if self._inbox else None
 

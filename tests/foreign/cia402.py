@@ -125,6 +125,12 @@ class ForeignDrive:
         """[N m] of one in 6076h."""
         self.turns_torque = 1
         """-1: it tells its torque with the other sign."""
+        self.hides = 0
+        """Bits of its statusword that are never 1."""
+        self.stays_on = self.deaf_to_sync = self.beats_not = self.silent = False
+        """It never goes to OPERATION ENABLED; hears no SYNC; sends no heartbeat; nothing at all."""
+        self.warns_of = 0
+        """An EMCY that it sends while it is switched on."""
         self.shows_mode = "always"
         """When 6061h shows the mode: always, when enabled, never."""
         self.held = False
@@ -136,8 +142,8 @@ class ForeignDrive:
         self._now = self._beat_at = 0.0
         self._heard_at: float | None = None
         self._word = 0
-        self._send = send
-        network = Silent(send)
+        self._send = lambda can_id, data: None if self.silent else send(can_id, data)
+        network = Silent(lambda can_id, data: self._send(can_id, data))
         self.network = network
         self.node = network.add_node(canopen.LocalNode(number, self._dictionary()))
         self.node.add_write_callback(self._written)
@@ -263,7 +269,7 @@ class ForeignDrive:
 
     def statusword(self) -> int:
         follows = 0x1000 if self.state == "enabled" else 0
-        return self.WORDS[self.state] | 0x0210 | follows
+        return (self.WORDS[self.state] | 0x0210 | follows) & ~self.hides
 
     def _control(self, word: int) -> None:
         rising, self._word = word & ~self._word, word
@@ -280,7 +286,11 @@ class ForeignDrive:
         elif word & 0x0F == 0x07:
             self.state = {"ready": "on", "enabled": "on"}.get(self.state, self.state)
         elif word & 0x0F == 0x0F:
-            self.state = {"ready": "on", "on": "enabled"}.get(self.state, self.state)
+            after = {"ready": "on", "on": "on" if self.stays_on else "enabled"}
+            self.state = after.get(self.state, self.state)
+        if self.state == "on" and self.warns_of:
+            self.emergency(self.warns_of)
+            self.warns_of = 0
 
     def fail(self, code: int) -> None:
         """Have a fault."""
@@ -305,7 +315,7 @@ class ForeignDrive:
 
     def take(self, can_id: int, data: bytes, now: float) -> None:
         """Take a frame."""
-        if self._boots_at is not None:
+        if self._boots_at is not None or self.silent:
             return
         if can_id == 0:
             self.node.nmt.on_command(0, data, now)
@@ -315,7 +325,7 @@ class ForeignDrive:
             self._heard_at = now
         if self.node.nmt.state != "OPERATIONAL":
             return
-        if can_id == self.value(0x1005) & 0x7FF:
+        if can_id == self.value(0x1005) & 0x7FF and not self.deaf_to_sync:
             for number, held in self._pending.items():
                 self._apply(number, held)
             self._pending.clear()
@@ -380,7 +390,7 @@ class ForeignDrive:
         self.angle += self.speed * span
         self.most_torque = max(self.most_torque, abs(self.torque))
         beat = self.value(0x1017) * 1e-3
-        if beat and now - self._beat_at >= beat:
+        if beat and not self.beats_not and now - self._beat_at >= beat:
             self._beat_at = now
             states = {"OPERATIONAL": 5, "PRE-OPERATIONAL": 127, "STOPPED": 4}
             self._send(0x700 + self.number, bytes([states[self.node.nmt.state]]))
