@@ -13,8 +13,9 @@ RULES = {
     LET_GO: "the effort goes to 0, by `effort_rate_limit` for every slot that went by; without a "
     "rate limit at once",
     STAND: "velocity 0 at once; the goal of a follower stays where it is",
-    DAMP: "`damping.lower` times the velocity, as long as tank or account answers for it, within "
-    "`effort_rate_limit` and the ceiling that falls over `release_ramp_s`",
+    DAMP: "`damping.lower`, less what its load takes of it, times the velocity, as long as tank or "
+    "account answers for it, within `effort_rate_limit` and the ceiling that falls over "
+    "`release_ramp_s`",
     NOTHING: "0 at once; its load is not carried either",
     LEAVE: "the safe command on every axis, then the devices are disabled",
     GO_ON: "no stop",

@@ -107,6 +107,7 @@ def add_up(rig: Rig) -> None:
         lift = site.inertia.most if site.lightens else 0.0
         wall = site.wall_clip if site.has_wall else 0.0
         assert site.clip + wall + lift + beside <= most
+    assert site.limit.stop_damping + has.load_damping <= axis.damping.lower * (1.0 + 1e-12)
     paid = site.compensation.viscous + has.load_damping
     assert paid <= axis.damping.lower
     if rig.operate is not None:

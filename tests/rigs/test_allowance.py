@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tautwave import Stepper
 from tautwave.certificate.data import Element
 from tautwave.certificate.verdict import certify
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError
+from tautwave.laws.limit import STOPPED
 from tautwave.rig import allowances, axis_allowance, axis_params, command_delays
 from tautwave.rig.operated.brakes import brake_params
 from tautwave.session.facts import allowance_rows
@@ -52,6 +55,42 @@ def test_a_coupling_gets_what_a_load_leaves_of_the_damping(delay: float) -> None
     assert found.load_damping == pytest.approx(0.059)
     assert element(load_rig(SPRING, [*bare, *more]), "coupling", "lever").passive.passed
     assert not element(loaded, "coupling", "lever").passive.passed
+
+
+def test_a_stop_leaves_a_load_what_that_takes_of_the_damping() -> None:
+    loaded = load_rig(SPRING, PENDULUM)
+    delay = command_delays(loaded)["slave.lever"]
+    stop = axis_params(loaded, "slave.lever", delay, 0).site.limit.stop_damping
+    assert stop == pytest.approx(0.06 - 0.059)
+    bare = load_rig(SPRING, [change for change in PENDULUM if ".load=" not in change])
+    assert axis_params(bare, "slave.lever", delay, 0).site.limit.stop_damping == 0.06
+
+
+@pytest.mark.slow
+def test_who_shakes_a_loaded_axis_while_it_stops_gets_no_energy() -> None:
+    """Its load is carried all the while; damping spent twice gave as much as friction took."""
+    changes = [
+        "coupling.release_ramp_s=3",
+        "coupling.pairs.lever={stiffness: 0.2, damping: 0}",
+        "slave.axes.lever.position_range=[-0.5, 0.5]",
+        *both("encoder_quantum=0"),
+    ]
+    rig = load_rig(SPRING, [*PENDULUM, *changes])
+    came = 0.02 * np.linspace(0.0, 1.0, 800)
+    left = np.linspace(0.02, 0.55, 1500)  # out of its range: a stop begins
+    shaken = np.tile([1e-3, 0.0], 400)
+    master = np.concatenate([came, np.full(1500, 0.02), 0.02 + shaken])
+    slave = np.concatenate([came, left, 0.55 - shaken])
+    moved, sent, bits = np.diff(master[-401:]), [], 0.0
+    with Stepper(rig, outside=("master", "slave"), duration_s=10.0) as one:
+        for places in zip(master, slave, strict=True):
+            acting = one.step(dict(zip(one.outside, places, strict=True)))
+            sent.append(acting["master.lever"])
+        bits = one.rows["master.lever.limited"][-1]
+    assert int(bits) & STOPPED
+    given = float(np.dot(sent[-401:-1], moved))
+    taken = 0.06 * float(np.dot(moved, moved)) / rig.period_s
+    assert 0.9 * taken < given <= taken * (1.0 + 1e-9)
 
 
 CONTROLLED = [

@@ -9,7 +9,7 @@ may take all that is shared.
 
 Damping and Coulomb friction are lower bounds and are spent once: what compensation takes off, what
 holding a load takes, and what a wall takes are not there for the coupling. At rest neither wall nor
-compensation acts, so a brake may use what they spend.
+compensation acts, so a brake or a stop may use what they spend; a load is carried all the while.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ class AxisAllowance(NamedTuple):
 
     @property
     def brake_damping(self) -> float:
-        """[N m s/rad or N s/m] What a brake may use: at rest neither wall nor compensation acts."""
+        """[N m s/rad or N s/m] For a brake or a stop, beside which no wall or compensation acts."""
         return max(self.damping - self.load_damping, 0.0)
 
     @property

@@ -122,7 +122,7 @@ def axis_claim(rig: Rig, axis_name: str, delay: CommandDelay) -> Claim:
         peak=greatest_spectrum(axis.position_noise_autocorrelation),
         quantum=axis.encoder_quantum,
         nonlinearity=axis.encoder_nonlinearity,
-        stop_damping=has.damping if takes_effort else 0.0,
+        stop_damping=has.brake_damping if takes_effort else 0.0,
         release=rig.coupling.release_ramp_s if takes_effort else 0.0,
         kinetic=kinetic_energy(rig, axis_name) if takes_effort else 0.0,
         late=has.delay / has.period,

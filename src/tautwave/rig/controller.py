@@ -164,8 +164,9 @@ def limit_params(axis: Axis, allowance: AxisAllowance) -> LimitParams:
         velocity=allowance.velocity,
         position_low=low,
         position_high=high,
-        # A damper B needs device damping b >= B (Colgate): use the lower bound. Nothing else acts.
-        stop_damping=allowance.damping,
+        # A damper B needs device damping b >= B (Colgate): use the lower bound. Nothing else acts
+        # but what carries a load, and spends its part of it.
+        stop_damping=allowance.brake_damping,
     )
 
 

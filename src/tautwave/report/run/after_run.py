@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tautwave.certificate.after import Measured, recheck
+from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.walls import wall_claims
 from tautwave.config import Rig, local_wall, replace_wall
 from tautwave.errors import TautwaveError
@@ -22,7 +23,7 @@ from tautwave.report.run.judging import ALLOWED, REMEDY, RULES, judged_of
 from tautwave.report.run.rundir import Run, block, served_rows
 from tautwave.report.sensors import sensor_sentences
 from tautwave.report.units import number
-from tautwave.rig import pair_scale
+from tautwave.rig import axis_allowance, pair_scale
 from tautwave.rig.scales import scaled
 
 ROUNDING = 1e-12
@@ -232,5 +233,6 @@ def _contacts(run: Run, rig: Rig, axis: str) -> tuple[Floats, Floats, Rows] | No
     weight = 1.0 if side == "master" else 1.0 / pair_scale(rig.coupling.pairs[pair]).power
     taken = np.diff(absorbed[fresh]) / weight
     spans = np.diff(slots[fresh]) * rig.period_s
-    damped = rig.axes[axis].damping.lower * np.diff(position[fresh]) ** 2 / spans
+    damping = axis_allowance(rig, axis, declared_delays(rig)[axis]).free_damping
+    damped = damping * np.diff(position[fresh]) ** 2 / spans
     return taken, damped, (effort[fresh][:-1] != 0.0) | (taken != 0.0)
