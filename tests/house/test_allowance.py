@@ -36,7 +36,6 @@ ALLOWED = {
     "src/tautwave/couplings/wave/from_keys.py": "of a `CoupledAxis`, which the allowance fills",
     "src/tautwave/couplings/wave/messages.py": "text: how long a follower's spring gets",
     "src/tautwave/couplings/mediated/automatic.py": "chooses a default before an axis is built",
-    "src/tautwave/report/run/after_run.py": "text: what the rig believed",
     "src/tautwave_scenes/report/inputs.py": "text: what the rig states",
     "src/tautwave/view/facts.py": "text: what the rig states",
     "src/tautwave/session/plan.py": "text: what is in and what is left out",
