@@ -18,11 +18,12 @@ from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.dynamixel.line.transactions import Line, Response
 from tautwave_drivers.dynamixel.options import LAST_ID, DynamixelOptions, Servo
 from tautwave_drivers.dynamixel.protocol import registers as reg
+from tautwave_drivers.dynamixel.protocol.indirect import status_addresses
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, status_text
 from tautwave_drivers.dynamixel.protocol.models import CAVEAT, VELOCITY_UNIT, model_name
 from tautwave_drivers.dynamixel.protocol.registers import Register
 from tautwave_drivers.dynamixel.protocol.units import Scale
-from tautwave_drivers.dynamixel.state import AGAIN, Errors, Remembered, remembered_blocks
+from tautwave_drivers.dynamixel.state import AGAIN, INDIRECT, Errors, Remembered, remembered_blocks
 
 REVERSED = 0x01
 PROFILE_BY_TIME = 0x04
@@ -353,9 +354,26 @@ class Bringup:
         for servo in servos:
             for setting, found in self._settings[servo.options.id].forgotten():
                 raise DeviceFault(
-                    f"{self._where(servo)}: {setting.name} reads {found} instead of "
-                    f"{setting.wanted}: {AGAIN}"
+                    f"{self._where(servo)}: {setting.name} reads {setting.show(found)} instead of "
+                    f"{setting.show(setting.wanted)}: {AGAIN}"
                 )
+
+    def map_status(self, servo: Servo) -> None:
+        """Write the indirect addresses of the status block and read them back.
+
+        Raises
+        ------
+        DriverError
+            The servo rejects them.
+        """
+        data = b"".join(address.to_bytes(2, "little") for address in status_addresses())
+        try:
+            self._put(servo, INDIRECT, INDIRECT.decode(data))
+        except DriverError as err:
+            raise DriverError(
+                f"{self._where(servo)}: rejects the indirect addresses of status_block; omit "
+                "status_block"
+            ) from err
 
     def remember(self, servo: Servo, *, mapped: bool) -> Remembered:
         """Return what a servo holds now, to compare with once it may have forgotten.
@@ -467,6 +485,8 @@ def _setting(register: Register, wanted: int, why: str = "") -> DeviceSetting:
 def _shown(register: Register, value: int) -> str:
     if register is reg.OPERATING_MODE:
         return f"{value} ({reg.MODES.get(value, 'unknown')})"
+    if register is INDIRECT:
+        return register.encode(value).hex()
     if register is reg.RETURN_DELAY:
         return f"{value} ({value * 2} us)"
     return str(value)

@@ -29,7 +29,6 @@ from tautwave_drivers.dynamixel.leaving import leave, leave_again, torque_packet
 from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine, Response, ping_all
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos, with_shadows
 from tautwave_drivers.dynamixel.protocol import registers as reg
-from tautwave_drivers.dynamixel.protocol.indirect import map_status_block
 from tautwave_drivers.dynamixel.protocol.models import COUNTS_PER_TURN
 from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of, whole_turns
 from tautwave_drivers.dynamixel.staging import Staging
@@ -133,7 +132,8 @@ class DynamixelDriver(DriverBase):
         ]
         self._errors[:] = [bringup.errors[one] for one in self._ids]
         if self._options.status_block:
-            map_status_block(slow, self._servos)
+            for servo in self._servos:
+                bringup.map_status(servo)
         self._build(port)
         self._try_reading()
         self._unwind()

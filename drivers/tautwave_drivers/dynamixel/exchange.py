@@ -6,7 +6,8 @@ no other; its error byte is kept; packets sent are stuffed; the host waits in th
 Servos respond in the order requested, and some wait for the one before them (in a fast read all
 do). So a servo that was silent last time comes last, where it delays no other. A late response may
 be the host's fault and is waited for until the deadline; a servo that missed `ABSENT` cycles in a
-row is waited for only as long as its response takes on the wire, except every `AGAIN`th time.
+row is waited for only as long as its response takes on the wire, and an eighth of the time left,
+except every `AGAIN`th time.
 
 Responses have no sequence number, so one that is a cycle late could pass for the next. Bytes that
 arrive before the request itself has left the wire cannot belong to its response: they are dropped.
@@ -215,6 +216,8 @@ class Exchange:
             self._fast.restart()
         take = self._take if self._fast is None else self._take_fast
         limit = deadline_ns
+        # A slow bus has the time to hear one that is back but not as quick as the wire.
+        due_ns = self._due_ns + max(0, (deadline_ns - self._sent_ns) // 8 - SLACK_NS)
         while True:
             chunk = port.read()
             if chunk and clock.now_ns() < self._earliest_ns:
@@ -227,8 +230,8 @@ class Exchange:
                     break
                 if last:  # another may follow if two servos share this id
                     limit = min(limit, clock.now_ns() + self._block_ns + SLACK_NS)
-            if self._due_ns < limit and not self._still_waiting():
-                limit = self._due_ns
+            if due_ns < limit and not self._still_waiting():
+                limit = due_ns
             if not clock.wait(port, limit):
                 break
         for index in self._doubtful:

@@ -51,7 +51,7 @@ def units_of(text: str, serial: bool) -> list[int]:
     Raises
     ------
     ConfigError
-        It names none, or one beyond 1 to 247.
+        It names none, or one beyond 1 to 247; over TCP 0 to 255.
     """
     if not text:
         return list(range(1, 248)) if serial else list(range(1, 17))
@@ -62,8 +62,9 @@ def units_of(text: str, serial: bool) -> list[int]:
         if not all(word.isascii() and word.isdigit() for word in ends):
             raise ConfigError(f"scan modbus: --units {text!r} should be like 1-16 or 1,2,9")
         begin, end = (int(word) for word in ends)
-        if not 1 <= begin <= end <= 247:
-            raise ConfigError(f"scan modbus: --units {text!r}: unit ids are 1 to 247")
+        least, most = (1, 247) if serial else (0, 255)
+        if not least <= begin <= end <= most:
+            raise ConfigError(f"scan modbus: --units {text!r}: unit ids are {least} to {most}")
         found += range(begin, end + 1)
     return found
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tautwave.errors import ConfigError, DriverError
-from tautwave_drivers.dynamixel.line.transactions import Line
+from tautwave.errors import ConfigError
 from tautwave_drivers.dynamixel.options import Servo
 from tautwave_drivers.dynamixel.protocol import registers as reg
 
@@ -35,22 +34,3 @@ def check_one_family(servos: Sequence[Servo]) -> None:
             "status_block: 330 models and others have their indirect data at different addresses "
             "and cannot be read at once; omit status_block, or use two lines"
         )
-
-
-def map_status_block(line: Line, servos: Sequence[Servo]) -> None:
-    """Write the indirect addresses of the status block and read them back.
-
-    Raises
-    ------
-    DriverError
-        A servo rejects them.
-    """
-    data = b"".join(address.to_bytes(2, "little") for address in status_addresses())
-    for servo in servos:
-        line.write(servo.options.id, reg.INDIRECT_ADDRESS, data)
-        response = line.read(servo.options.id, reg.INDIRECT_ADDRESS, len(data))
-        if response is None or response.data != data:
-            raise DriverError(
-                f"{servo.axis.name} (servo {servo.options.id}): rejects the indirect "
-                "addresses of status_block; omit status_block"
-            )
