@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ from tautwave.laws.account import (
     gate_bounds,
     level_friction,
     level_missing,
+    planned_bounds,
 )
 
 T = 1e-3
@@ -30,12 +33,9 @@ P = AccountParams(
     full=4e-3,
     capacity=1e-2,
     income=0.0,
-    level_income=0.0,
-    edge_income=0.0,
     share=1.0,
     level_damping=0.0,
     edge=0.7,
-    quantum=0.0,
 )
 
 speeds = st.floats(-50.0, 50.0)
@@ -57,6 +57,27 @@ def test_no_effort_within_the_bounds_plans_to_give_more_than_the_funds(
     most = max(held, 0.0)
     for effort in (low, high, low + share * (high - low)):
         assert planned_gift(effort, coast) <= most + 1e-9 * (most + coast * coast)
+
+
+@given(funds, speeds, speeds, st.floats(0.1, 1.0))
+def test_smoothing_allows_nothing_that_the_velocity_does_not(
+    held: float, coast: float, smooth: float, share: float
+) -> None:
+    p = P._replace(share=share)
+    low, high = planned_bounds(p, held, coast, smooth, M, T)
+    least, most = gate_bounds(p, share * held, coast, M, T)
+    assert least <= low <= 0.0 <= high <= most
+
+
+def test_a_held_force_does_not_follow_the_noise_of_a_velocity() -> None:
+    """It is a third of what the funds could give at rest, and that is twenty times as noisy."""
+    held, noise = 1e-4, 0.2
+    still = planned_bounds(P, held, 0.0, 0.0, M, T)[1]
+    noisy = planned_bounds(P, held, -noise, -noise * T / 0.01, M, T)[1]
+    assert still == pytest.approx(math.sqrt(0.1 * held / (M * T)))
+    assert noisy > 0.85 * still
+    whole = gate_bounds(P, held, 0.0, M, T)[1]
+    assert gate_bounds(P, held, -noise, M, T)[1] < 0.8 * whole
 
 
 @given(st.floats(1e-9, 1.0), speeds)

@@ -29,8 +29,7 @@ LAWS: dict[str, Tree] = {
     "mediated": {"stiffness": 400.0, "damping": 20.0, "touch": 2.0, "stiffest": 400.0},
 }
 EMPTY = "its energy account is empty and it let go"
-P = AccountParams(*(0.0,) * 8, edge_income=0.0, share=1.0, level_damping=0.0, edge=0.0, quantum=0.0,
-                  window=100, felt=0.5)  # fmt: skip
+P = AccountParams(*(0.0,) * 7, share=1.0, level_damping=0.0, edge=0.0, window=100, felt=0.5)
 
 
 LATER: Tree = {
@@ -84,9 +83,9 @@ def pressing(law: str = "position", *changes: Tree) -> Tree:
     return data
 
 
-def test_a_second_that_lets_through_a_tenth_of_a_press_is_lost() -> None:
-    assert lets_go(P, 100 * 2.0, 100 * 0.19)
-    assert not lets_go(P, 100 * 2.0, 100 * 0.21)
+def test_a_second_that_lets_through_a_quarter_of_a_press_is_lost() -> None:
+    assert lets_go(P, 100 * 2.0, 100 * 0.49)
+    assert not lets_go(P, 100 * 2.0, 100 * 0.51)
     assert not lets_go(P, 100 * 0.49, 0.0)  # nobody felt that
 
 
@@ -105,7 +104,7 @@ def test_an_axis_that_let_go_ends_the_run(law: str) -> None:
     assert f": {EMPTY}" in str(run.result.error)
     pressed = np.abs(run["slave.a.commanded"][60:EMPTIED]).mean()
     said = float(str(run.result.error).partition("requests is sent, ")[2].split()[0])
-    assert said == pytest.approx(pressed, rel=0.4)
+    assert said == pytest.approx(pressed, rel=0.5)
 
 
 @pytest.mark.slow
@@ -116,7 +115,7 @@ def test_a_rendered_surface_that_nothing_covers_ends_the_run() -> None:
     assert run.result.stop is not None
     assert (run.result.stop.axis, run.result.stop.reason) == ("master.a", "account_empty")
     assert np.abs(run["master.a.commanded"][200 : 2 * EMPTIED]).min() > 20.0
-    assert np.abs(run["master.a.commanded"][-200:]).max() < 1e-6
+    assert np.abs(run["master.a.commanded"][-200:]).max() < 0.01
 
 
 @pytest.mark.slow

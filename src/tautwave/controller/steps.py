@@ -179,14 +179,13 @@ class Holding(NamedTuple):
 
     `cover(s, p, funds)`: change what is held, of which there may be at most the funds [J];
     `held(s)`: what that is [J]. The effort's change with the newest sample [N m/rad or N/m] is at
-    most `gain(end, tracker's gain, period)`, and now its `share(s, p)` [1]. The master's is booked.
+    most `gain(end, tracker's gain, period)`. The master's is booked.
     Were all of it covered, the effort would be `whole(s, p, effort)` [N m or N], now `effort`.
     """
 
     cover: Callable[..., None]
     held: Callable[..., float]
     gain: Callable[[Any, float, float], float]
-    share: Callable[..., float]
     whole: Callable[..., float]
 
 

@@ -34,7 +34,15 @@ and an end whose A is below -D stops: g <= E0 + D + W + P t, W what commands und
 D, the debt, is E0 and what a rate limit makes of an effort that should be gone at once. P t
 is what noise takes without being work: the newest sample enters the effort with a gain G, and the
 next displacement with -1: -G s**2 a period, G that of what was sent (for a normal noise the mean of
-the slope is all that counts, Stein 1981). Credits taken are never more than credits sent.
+the slope is all that counts, Stein 1981). It is given in every period, as the leak of a wave port
+is, and a quarter more than that: given only what it loses, an account that stands at its end does
+not leave it. Credits taken are never more than credits sent.
+
+An account that is nearly empty may not end a held force. Where the gate follows the velocity of
+one sample, it follows its noise with a gain of m / T**2, far above any law's, and an effort that it
+cuts and lets through by turns moves the device: both take more than noise is given, and the force
+is gone in seconds. So the effort is also planned on a smoothed velocity, with a tenth of the funds:
+it then changes slowly, holds F with 10 F**2 M T, and what is given stays above what is taken.
 
 Source: the account is that of passivity observers (Hannaford & Ryu 2002) and of energy tanks with
 level control (Franken and others 2011); gate, marks and bound are derived here.
@@ -58,11 +66,17 @@ SENT_SHARE = 0.2
 """Of what stands above its mark, the share that an end sends per period."""
 
 
-HELD_SHARE = 0.1
+HELD_SHARE = 0.25
 """Of the effort that a law asks for in a second, what an end that holds lets through at least."""
 
 PATIENCE = 2
 """Seconds in succession in which it lets less through, after which it has let go."""
+
+SMOOTHED_S = 0.01
+"""Time over which a velocity is smoothed [s]: slower than noise, as fast as a hand moves."""
+
+CALM_SHARE = 0.1
+"""Of the funds that a command may plan to give, what it may on that velocity."""
 
 COMMANDS_UNDER_WAY = 3.0
 """Each command under way may plan to give this share's inverse, over their number, of the funds:
@@ -75,14 +89,13 @@ class AccountParams(NamedTuple):
 
     reserve E0, debt D, least, mark, full, capacity [J]: held at the start, allowed below 0, sent
     above while the far tank is empty, and once it has `enough` [1], reported as 1, spilled above;
-    income,
-    level_income, edge_income [J per period]: what noise takes while the law's effort passes, the
-    level control's in full, or a bound of the gate; share of the funds that a command may plan to
+    income [J per period]: what is given for noise; share of the funds that a command may plan to
     give, less than 1 where others are on their way; level_damping, 0 at a follower, and edge
-    [N m s/rad or N s/m]; quantum [N m or N] of the drive. `friction` [N m or N], whole from `slip`
-    [rad/s or m/s] on, and `drag` [N m s/rad or N s/m] of the level control on a velocity that is
+    [N m s/rad or N s/m]. `friction` [N m or N], whole from `slip`
+    [rad/s or m/s] on, and `drag` [N m s/rad or N s/m] of the level control on the velocity that is
     smoothed with the gain `smoothing` [1]. Over each `window`, the periods of a second, a law that
-    asks for less than `felt` [N m or N] on average does not press.
+    asks for less than `felt` [N m or N] on average does not press. gain [N m/rad or N/m]: the most
+    by which an effort changes with its newest sample, which the income is for.
     """
 
     reserve: float
@@ -92,12 +105,9 @@ class AccountParams(NamedTuple):
     full: float
     capacity: float
     income: float
-    level_income: float
-    edge_income: float
     share: float
     level_damping: float
     edge: float
-    quantum: float
     friction: float = 0.0
     slip: float = 1.0
     drag: float = 0.0
@@ -105,6 +115,7 @@ class AccountParams(NamedTuple):
     enough: float = 1.0
     window: int = 1000
     felt: float = 0.0
+    gain: float = 0.0
 
 
 def planned_share(late: int) -> float:
@@ -142,6 +153,29 @@ def gate_bounds(
     if coast > 0.0:
         return -given, given + taken
     return taken - given, given
+
+
+def planned_bounds(
+    p: AccountParams,
+    funds: float,
+    coast: float,
+    smooth: float,
+    half_mobility: float,
+    period: float,
+) -> tuple[float, float]:
+    """Return between which efforts the law may choose [N m or N], held forces kept.
+
+    All funds [J] allow what they do at the velocity of the coming period, and a tenth of them what
+    it does at the smoothed one. Other arguments are those of `gate_bounds`.
+    """
+    may = p.share * funds
+    low, high = gate_bounds(p, may, coast, half_mobility, period)
+    calm_low, calm_high = gate_bounds(p, CALM_SHARE * may, smooth, half_mobility, period)
+    if calm_low > low:
+        low = calm_low
+    if calm_high < high:
+        high = calm_high
+    return low, high
 
 
 def lets_go(p: AccountParams, asked: float, passed: float) -> bool:

@@ -73,7 +73,7 @@ class InertiaParams(NamedTuple):
 
 
 NO_INERTIA = InertiaParams(
-    observer_params(1.0, 1.0, 0.0), 0.0, 0.0, 0.0, 0.0, AccountParams(*(0.0,) * 13)
+    observer_params(1.0, 1.0, 0.0), 0.0, 0.0, 0.0, 0.0, AccountParams(*(0.0,) * 10)
 )
 
 

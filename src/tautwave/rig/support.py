@@ -70,12 +70,9 @@ def inertia_params(axis: Axis, known: CoupledAxis, most: float, paying: float) -
         full=reserve,
         capacity=reserve,
         income=-gain * observer.disturbance * variance,
-        level_income=0.0,
-        edge_income=0.0,
         share=planned_share(late),
         level_damping=0.0,
         edge=lower / period,
-        quantum=axis.effort_quantum,
     )
     play = 0.5 * axis.encoder_quantum + DEVIATIONS * axis.position_noise
     return InertiaParams(observer, gain, most, paying, play, account)

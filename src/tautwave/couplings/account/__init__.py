@@ -56,6 +56,9 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         if bare.holding is not None:
             gain = max(gain, bare.holding.gain(given, axis.gain, axis.period))
             mine = quick_level(keys, axis)
+            # No surface is found with coarse steps. Given what they take, the slave would press on,
+            # and the hand feel nothing; without, its account is empty in seconds, and that is said.
+            axis = axis._replace(encoder_quantum=0.0)
         return params_with(given, "account", account_params(mine, side, axis, gain, alone=alone))
 
     return plugin._replace(

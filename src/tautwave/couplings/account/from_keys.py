@@ -7,7 +7,14 @@ import math
 from tautwave.config.keys.coupling import Account
 from tautwave.contracts import CoupledAxis
 from tautwave.errors import ConfigError
-from tautwave.laws.account import FULL, LEADER_SHARE, TANK_SHARE, AccountParams, planned_share
+from tautwave.laws.account import (
+    FULL,
+    LEADER_SHARE,
+    SMOOTHED_S,
+    TANK_SHARE,
+    AccountParams,
+    planned_share,
+)
 
 SLOW = 50.0
 """Periods in which the leader's level damping would bring the device alone to rest."""
@@ -17,8 +24,8 @@ QUICK = 7.0
 moves the follower then comes of level damping."""
 
 
-SMOOTHED_S = 0.01
-"""What a leader's friction follows is slower than this: beyond what a hand moves by will."""
+NOISE_MARGIN = 0.25
+"""Of what noise and steps would take from an effort that acts at once, what is given beyond."""
 
 FRICTIONS = 2.0
 """Times its own Coulomb friction, what a leader resists with for a law that leaves it alone."""
@@ -73,12 +80,11 @@ def level_resistance(keys: Account, axis: CoupledAxis, *, alone: bool) -> dict[s
             friction * SMOOTHED_S / (4.0 * axis.inertia), 2.0 * axis.position_noise / SMOOTHED_S
         ),
         "drag": 2.0 * axis.inertia / SMOOTHED_S,
-        "smoothing": axis.period / (axis.period + SMOOTHED_S),
     }
 
 
-def noise_taken(axis: CoupledAxis) -> float:
-    """Return what noise takes in a period per gain of an effort [rad**2 or m**2].
+def noise_share(axis: CoupledAxis) -> float:
+    """Return what noise takes in a period, per its variance and the gain of an effort [1].
 
     A sample that is off by n enters the effort as G n and the displacement of the period in which
     it acts as -n, if it acts at once: G s**2 (1 - rho_1). An effort that acts later is as likely to
@@ -86,8 +92,13 @@ def noise_taken(axis: CoupledAxis) -> float:
     """
     if late_periods(axis) > 0:
         return 0.0
-    follows = axis.noise_lags[0] if axis.noise_lags else 0.0
-    return axis.position_noise**2 * (1.0 - follows)
+    return 1.0 - (axis.noise_lags[0] if axis.noise_lags else 0.0)
+
+
+def noise_given(axis: CoupledAxis) -> float:
+    """Return what is given for noise and steps in a period per gain [rad**2 or m**2]."""
+    variance = axis.position_noise**2 + axis.encoder_quantum**2 / 12.0
+    return (noise_share(axis) + NOISE_MARGIN) * variance
 
 
 def account_params(
@@ -121,7 +132,7 @@ def account_params(
         resistance = level_resistance(keys, axis, alone=alone)
     late = late_periods(axis)
     edge = min(max(abs(gain) * axis.period, slow, level), axis.inertia / axis.period)
-    taken = noise_taken(axis)
+    steepest = max(gain + level / axis.period, edge / axis.period)
     return AccountParams(
         reserve=reserve,
         debt=reserve + axis.effort_limit * axis.velocity_limit * ramp,
@@ -129,20 +140,14 @@ def account_params(
         mark=LEADER_SHARE * full if leads else full,
         full=full,
         capacity=full + kinetic,
-        income=gain * taken,
-        level_income=level / axis.period * taken,
-        edge_income=edge / axis.period * taken,
+        income=steepest * noise_given(axis),
         share=planned_share(late),
         level_damping=level,
         edge=edge,
-        quantum=1.001 * axis.effort_quantum + 1e-12,
         enough=1.0 if leads else LEADER_SHARE,
         window=round(1.0 / axis.period),
         felt=max(axis.coulomb, LEAST_SHARE * axis.effort_limit),
+        smoothing=axis.period / (axis.period + SMOOTHED_S),
+        gain=steepest,
         **resistance,
     )
-
-
-def greatest_income(p: AccountParams) -> float:
-    """Return the most that noise may be given per period [J]."""
-    return max(0.0, p.income + p.level_income, p.income, p.edge_income)

@@ -21,7 +21,7 @@ GUARDS = {
     own.ACCOUNT_EMPTY: Guard(
         "account_empty",
         "lost its coupling",
-        "its energy account is empty and it let go: less than a tenth of the {allowed:.3g} "
+        "its energy account is empty and it let go: less than a quarter of the {allowed:.3g} "
         "{effort} that its law requests is sent, {found:.3g} at best over a second; motion of "
         "the hand refills the account, and law wave holds a force without one",
     ),
@@ -85,7 +85,6 @@ def _steps(
             "law_holds": 1,
             "law_cover": holding.cover,
             "law_held": holding.held,
-            "law_share": holding.share,
             "law_whole": holding.whole,
         }
     names = own.element_names_over_link if over else own.element_names

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from tautwave.couplings.account.claim import held_facts
+from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 
 
@@ -18,4 +20,8 @@ def messages_with_account(law: CouplingMessages) -> CouplingMessages:
         yield from law.pair_plan(rig, name)
         yield PlanLine(f"account of {name}", True, f"led by the {rig.coupling.account.leader}")
 
-    return law._replace(coupling=coupling, pair_plan=pair_plan)
+    def facts(rig: Any, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+        yield from law.facts(rig, delays)
+        yield from held_facts(rig, delays)
+
+    return law._replace(coupling=coupling, pair_plan=pair_plan, facts=facts)

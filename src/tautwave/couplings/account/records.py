@@ -12,10 +12,10 @@ class AccountEnd:
     `funds` in the tank, `reserve` of them from the start, 0 before; `far_level` of the other end as
     reported, a share of full; `sent` all credit ever sent, `counter` the far one's as last received
     [J, pair's]; `taken` what came of it; `work` what the law took from the device; `spilled` from a
-    full tank, `granted` for noise. `passed` is the last effort let through [N m or N], `due` what
-    noise takes from it [J]; `smooth` the device's velocity, smoothed [rad/s or m/s]. In this second
-    so far `watched` efforts, their sizes as `asked` for and as they were `let` through [N m or N],
-    and the seconds before it in which the end `lost` its hold; `held`, the mean of the best second.
+    full tank, `granted` for noise; `smooth` the device's velocity, smoothed [rad/s or m/s]. In this
+    second so far `watched` efforts, their sizes as `asked` for and as they were `let` through [N m
+    or N], and the seconds before it in which the end `lost` its hold; `held`, the mean of the best
+    second.
     """
 
     funds: float = 0.0
@@ -27,8 +27,6 @@ class AccountEnd:
     work: float = 0.0
     spilled: float = 0.0
     granted: float = 0.0
-    due: float = 0.0
-    passed: float = 0.0
     smooth: float = 0.0
     asked: float = 0.0
     let: float = 0.0

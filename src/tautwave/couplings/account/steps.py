@@ -23,10 +23,10 @@ from tautwave.laws.account import (
     close_account,
     credit_due,
     credit_received,
-    gate_bounds,
     lets_go,
     level_friction,
     level_missing,
+    planned_bounds,
 )
 
 ACCOUNT_OVERDRAWN = OWN_GUARDS + 50
@@ -57,11 +57,6 @@ def nothing_held(s: AxisState) -> float:
     return 0.0
 
 
-def whole_gain(s: AxisState, p: AxisParams) -> float:
-    """Have one gain all the time [1]."""
-    return 1.0
-
-
 def effort_itself(s: AxisState, p: AxisParams, effort: float) -> float:
     """Ask for no more with more to hold [N m or N]."""
     return effort
@@ -69,7 +64,6 @@ def effort_itself(s: AxisState, p: AxisParams, effort: float) -> float:
 
 law_cover = no_cover
 law_held = nothing_held
-law_share = whole_gain
 law_whole = effort_itself
 
 
@@ -84,8 +78,6 @@ def start_account(s: AxisState, p: AxisParams) -> None:
     e.counter = 0.0
     e.taken = 0.0
     e.work = 0.0
-    e.due = 0.0
-    e.passed = 0.0
     e.smooth = 0.0
     e.spilled = 0.0
     e.granted = 0.0
@@ -141,8 +133,8 @@ def close(
     k = p.end.account
     work = port * displacement
     grant = 0.0
-    if math.fabs(s.port_effort - e.passed) <= k.quantum and not s.stopping:
-        grant = e.due
+    if not s.stopping:
+        grant = k.income
     funds, spilled = close_account(k, e.funds, work + grant)
     e.funds = funds
     e.work += work
@@ -309,21 +301,13 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
     missing = level_missing(e.far_level)
     e.smooth += k.smoothing * (coast - e.smooth)
     wanted += missing * (k.level_damping * coast + level_friction(k, e.smooth))
-    due = k.income * law_share(s, p) + missing * k.level_income
     asked = wanted + uncovered
-    low, high = gate_bounds(k, k.share * e.funds, coast, p.site.half_mobility, p.site.period)
+    half = p.site.half_mobility
+    low, high = planned_bounds(k, e.funds, coast, e.smooth, half, p.site.period)
     if wanted < low:
         wanted = low
-        due = 0.0
-        if coast < 0.0:
-            due = k.edge_income
     elif wanted > high:
         wanted = high
-        due = 0.0
-        if coast > 0.0:
-            due = k.edge_income
-    e.due = due
-    e.passed = wanted
     watch_hold(s, p, asked, wanted)
     return wanted
 

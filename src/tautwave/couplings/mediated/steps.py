@@ -18,7 +18,7 @@ from tautwave.controller.records import AxisParams, AxisState
 from tautwave.controller.seen import seen_law
 from tautwave.controller.steps import Holding
 from tautwave.couplings.mediated.contact import Surface, begin_contact, clear, touch
-from tautwave.couplings.mediated.model import adopt, damping_of, depth_in, push_of, stored_in
+from tautwave.couplings.mediated.model import adopt, depth_in, push_of, stored_in
 from tautwave.couplings.mediated.records import MediatedEnd, MediatedEndParams
 from tautwave.couplings.mediated.signals import begin_filter, begin_slope, pass_filter, pass_slope
 from tautwave.laws.limit import clamp
@@ -186,27 +186,6 @@ def gain(end: MediatedEndParams, tracker: float, period: float) -> float:
     return end.stiffest + tracker * end.model.most / period
 
 
-def gain_of(p: AxisParams, surface: Surface, side: float, x: float) -> float:
-    """Return by how much the effort changes now [N m/rad or N/m]; 0 outside."""
-    if depth_in(surface, side, x) == 0.0:
-        return 0.0
-    change: float = damping_of(p.end.model, surface) * p.site.gain / p.site.period
-    return change + surface.stiffness
-
-
-def share(s: AxisState, p: AxisParams) -> float:
-    """Return the gain that a master has now, over the greatest [1]."""
-    k = p.end
-    if k.follows:
-        return 1.0
-    most = k.stiffest + p.site.gain * k.model.most / p.site.period
-    now = gain_of(p, s.end.above, 1.0, s.position) + gain_of(p, s.end.below, -1.0, s.position)
-    ratio: float = now / most
-    if ratio > 1.0:
-        return 1.0
-    return ratio
-
-
 SIGNALS = ("model_stiffness", "model_position", "model_interval", "model_paid")
 
 
@@ -237,7 +216,7 @@ law = seen_law(
     begin=begin,
     keep=keep,
     shown=shown,
-    holding=Holding(cover, held, gain, share, whole),
+    holding=Holding(cover, held, gain, whole),
     signals=SIGNALS,
     fill_signals=fill_signals,
 )
