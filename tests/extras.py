@@ -10,7 +10,7 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution
 
 from packaging.requirements import Requirement
 
-LEFT_OUT = ("test", "docs", "dev", "all", "bench")
+LEFT_OUT = ("test", "peers", "docs", "dev", "all", "bench")
 
 
 def needed(name: str, extra: str = "", known: dict[str, Distribution] | None = None) -> set[str]:

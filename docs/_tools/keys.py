@@ -18,7 +18,11 @@ from tautwave import registry
 from tautwave.config import rig_schema
 
 README = Path(__file__).parents[2] / "configs" / "README.md"
-TITLES = {"canopen": "driver `canopen`", "dynamixel": "driver `dynamixel`"}
+TITLES = {
+    "canopen": "driver `canopen`",
+    "dynamixel": "driver `dynamixel`",
+    "mit": "driver `mit`",
+}
 Node = Mapping[str, Any]
 
 

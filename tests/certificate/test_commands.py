@@ -106,6 +106,8 @@ def test_check_of_two_axes_is_light() -> None:
         ("delay-stability", ("passed", "passed")),
         ("bench-canopen-virtual", ("passed", "passed")),
         ("bench-canopen-vcan", ("conditional", "passed")),
+        ("bench-mit-virtual", ("passed", "passed")),
+        ("dm4310-pair", ("passed", "passed")),
         ("bench-dynamixel-sim", ("passed", "passed")),
         ("bench-mixed-sim", ("passed", "passed")),
         ("bench-modbus-rtu-sim", ("passed", "passed")),

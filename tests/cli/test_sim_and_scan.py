@@ -130,7 +130,7 @@ def test_a_scan_without_a_port_names_those_there_are(
     assert done.stderr.splitlines()[-1].startswith(reported)
 
 
-@pytest.mark.parametrize("driver", ["dynamixel", "modbus", "canopen"])
+@pytest.mark.parametrize("driver", ["dynamixel", "modbus", "canopen", "mit"])
 def test_help_prints_no_default_that_is_none(tautwave_cli: Cli, driver: str) -> None:
     for command in ("scan", "sim"):
         reported = tautwave_cli(command, driver, "--help").stdout

@@ -134,7 +134,7 @@ class Page:
         assert line, f"{self.path}: `{command}` serves nothing"
         reported = json.loads(line)
         endpoint = reported["endpoint"]
-        if reported["driver"] == "canopen":
+        if reported["driver"] in ("canopen", "mit"):
             interface, _, channel = endpoint.partition(":")
             endpoint = f"--interface {interface} --channel {channel}"
         self.swapped[named] = endpoint

@@ -57,7 +57,7 @@ def held(name: str, pair: str, reach: float, seconds: float) -> Rig:
         truth.pop("coulomb", None)
     for side in ("master", "slave"):
         for axis in tree[side]["axes"].values():
-            axis["position_range"] = [-1e3, 1e3]
+            axis["position_range"] = [-10.0, 10.0]
             axis.pop("mechanical_range", None)
     for keys in tree["coupling"]["pairs"].values():
         keys.pop("wall_master", None)

@@ -63,6 +63,7 @@ def test_without_a_simulation_a_virtual_endpoint_is_somebody_elses_and_none_is_n
         (SERVOS, (HARD,), ("real", "/dev/ttyNONE")),
         ("xm430-pair", (), ("real", "/dev/ttyUSB0")),
         ("epos4-pair", (), ("real", "socketcan:can0")),
+        ("dm4310-pair", (), ("real", "socketcan:can0")),
         ("dsy-rs-pair", (), ("real", "/dev/ttyUSB0")),
         (VCAN, (), ("virtual", "socketcan:vcan0")),
         ("bench-canopen-virtual", (), ("virtual", "virtual:bench")),

@@ -14,7 +14,11 @@ from tests.rigs.running import Run, run_rig
 SHIPPED = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 # Rigs on a bus have rows of their driver's too; tests/rigs holds them against a loopback's. Scenes
 # and arms run in the live loop only.
-OTHERS = ("driver: canopen", "driver: dynamixel", "driver: modbus", "\nscene:", "\n  arm:\n")
+OTHERS = (
+    *(f"driver: {name}" for name in ("canopen", "dynamixel", "mit", "modbus")),
+    "\nscene:",
+    "\n  arm:\n",
+)
 CONFIGS = [path for path in SHIPPED if not any(word in path.read_text() for word in OTHERS)]
 COMPILED_APART = ("network-loopback", "bench-position-coupling")
 """Rigs whose law is compiled for them alone, 20 s of processor time: with `-m slow`."""

@@ -130,6 +130,16 @@ SECTIONS = {
             "N m, N",
             "motor effort from its current, where the drive reports it; NaN: no sample",
         ),
+        Column(
+            "SIDE.AXIS.driver_temperature",
+            "degC",
+            "of the motor's power stage, where it is reported; NaN: no sample",
+        ),
+        Column(
+            "SIDE.AXIS.rotor_temperature",
+            "degC",
+            "of the motor's windings, where it is reported; NaN: no sample",
+        ),
         Column("SIDE.AXIS.wall_effort", "N m, N", "effort of the local wall"),
         Column(
             "SIDE.AXIS.answer_us",
