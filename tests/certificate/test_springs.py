@@ -51,6 +51,22 @@ def test_a_third_of_what_is_drawn_is_certified() -> None:
     assert sum(map(is_certified, few)) * 3 >= len(few)
 
 
+@pytest.mark.slow
+def test_of_laws_with_dampers_the_clipped_need_is_hardly_more_than_the_linear_one() -> None:
+    """Where all that clips is counted, of laws that were drawn: half of them within a tenth."""
+    ratios = []
+    for seed in range(60):
+        one = drawn(seed)
+        pair = one.tree["coupling"]["pairs"]["a"]
+        if one.memory < 30 and (pair["damping"] or pair.get("injection")):
+            [coupling] = [e for e in certify(one.rig).elements if e.kind == "coupling"]
+            numbers = coupling.numbers
+            ratios.append(numbers.get("clipped_needed", 0.0) / numbers.get("needed", 1.0))
+    assert len(ratios) >= 15
+    assert float(np.median(ratios)) < 1.1
+    assert max(ratios) < 1.3
+
+
 def bare_edges(seeds: Iterable[int]) -> Iterable[tuple[int, Drawn]]:
     for seed in seeds:
         found = edge_of(drawn(seed, bare=True))
