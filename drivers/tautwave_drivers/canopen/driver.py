@@ -104,6 +104,8 @@ class CanopenDriver(DriverBase):
                 "uses classic CAN: remove it to run"
             )
         port = self._connect()
+        if port is not self._transport:  # behind an open one is nobody else, or it is a test's
+            self._listen(port)
         self.attach(port)
         self._net, self.notes = bring_up(
             self._options, self._bus, self._axes, self._health, port, self._clock
@@ -117,6 +119,16 @@ class CanopenDriver(DriverBase):
         for axis in self._axes:
             axis.heard_ns = now
             axis.errors.clear()
+
+    def _listen(self, port: FramePort) -> None:
+        """Refuse a bus that another master drives, with nothing sent."""
+        from tautwave_drivers.canopen.setup.listening import refuse_another_master
+
+        try:
+            refuse_another_master(port, self._clock, self._bus.name, self._axes, sync=self._sync)
+        except BaseException:
+            port.close()
+            raise
 
     def _connect(self) -> FramePort:
         if isinstance(self._transport, socket.socket):  # frames of SocketCAN on any datagram socket

@@ -27,6 +27,7 @@ from tautwave_drivers.dynamixel.exchange import Exchange, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
 from tautwave_drivers.dynamixel.leaving import leave, leave_again, torque_packet
 from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine, Response, ping_all
+from tautwave_drivers.dynamixel.listening import refuse_another_master
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos, with_shadows
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.models import COUNTS_PER_TURN
@@ -158,9 +159,16 @@ class DynamixelDriver(DriverBase):
         if note:
             self.notes.append(note)
         try:
-            return SerialPort(path, self._options.baud)
+            port = SerialPort(path, self._options.baud)
         except DriverError as err:
             raise DriverError(f"bus {self._bus.name}: {err}") from err
+        if not self._surveyed:
+            try:
+                refuse_another_master(port, self._clock, self._bus.name)
+            except BaseException:
+                port.close()
+                raise
+        return port
 
     def _build(self, port: BytePort) -> None:
         """Build what every cycle uses."""
