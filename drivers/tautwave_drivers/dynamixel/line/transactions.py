@@ -18,6 +18,13 @@ RESPONSE_S = 0.03
 is the host."""
 
 TRIES = 3
+SPARE = 5
+"""More tries, of those in which this host itself came late: they say nothing of the servo."""
+LATER = 4
+"""So many times its own lateness a host waits for a response: who answers may be a program on it,
+which is called twice where this one is called once."""
+SLOWEST_S = 0.5
+"""Whatever the host's lateness [s]."""
 
 LONGEST_S = 0.017
 """The longest latency timer, for the one broadcast ping of protocol 2.0."""
@@ -83,6 +90,7 @@ class PacketLine:
         self._clock = clock
         self._byte_ns = round(1e10 / baud)
         self._timeout_ns = round(1e9 * (latency_s + timeout_s))
+        self._late_ns = 0
 
     def ping(self, device_id: int) -> Response | None:
         """Return model number and firmware."""
@@ -111,14 +119,22 @@ class PacketLine:
     def _transact(
         self, device_id: int, request: bytes, size: int, limit_ns: int | None = None
     ) -> Response | None:
-        for _ in range(1 if limit_ns is not None else TRIES):
+        tries, spare = (1, 0) if limit_ns is not None else (TRIES, SPARE)
+        while tries:
             self._port.read()
             self._port.write(request)
             wire_ns = (len(request) + 11 + size) * self._byte_ns
-            until = limit_ns or self._clock.now_ns() + wire_ns + self._timeout_ns
+            more_ns = min(LATER * self._late_ns, round(1e9 * SLOWEST_S))
+            until = limit_ns or self._clock.now_ns() + wire_ns + self._timeout_ns + more_ns
             found = _await(self._port, self._clock, device_id, until, packet.take_packet, size)
             if found is not None:
                 return Response(found.error, found.data)
+            late_ns = self._clock.now_ns() - until
+            self._late_ns = max(self._late_ns, late_ns)
+            if 2 * late_ns > self._timeout_ns and spare:
+                spare -= 1
+            else:
+                tries -= 1
         return None
 
 
