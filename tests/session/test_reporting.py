@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import shutil
 import subprocess
 import sys
 import time
@@ -123,3 +124,23 @@ def test_on_a_terminal_the_run_ends_judged_and_the_report_follows(tmp_path: Path
     assert "after_run" in found["certificate"]
     assert "error" not in later.pop("precision")
     assert later == found
+
+
+@pytest.mark.slow
+def test_a_directory_that_was_removed_takes_the_recording_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "run"
+    report = running.report_run
+
+    def removed(directory: Path, *rest: Any) -> Any:
+        shutil.rmtree(directory)
+        return report(directory, *rest)
+
+    monkeypatch.setattr(running, "report_run", removed)
+    result = running.run(load_rig(RIG), out=out, clock="fake", duration_s=0.1)
+    assert result.exit_code == WritingError.exit_code
+    assert result.summary["incomplete"] == (
+        f"{out} was removed during the run, and its recording is gone with it"
+    )
+    assert not out.exists()

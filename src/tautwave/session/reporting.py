@@ -69,6 +69,8 @@ def report_run(
             summary, _ = read_summary(directory)
     except (WritingError, RecordingError, ConfigError) as err:
         lost = str(err)
+        if not directory.is_dir():
+            lost = f"{directory} was removed during the run, and its recording is gone with it"
     incomplete = "; ".join(filter(None, (lost_rows(summary.recording), lost))) or None
     summary = summary.model_copy(update={"incomplete": incomplete})
     if reason:
