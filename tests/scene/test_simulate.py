@@ -26,7 +26,7 @@ def load(name: str, *given: str) -> Rig:
 def test_the_rows_are_those_of_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, seconds: float
 ) -> None:
-    monkeypatch.setattr(running, "report_run", lambda _, summary, code: (summary, code))
+    monkeypatch.setattr(running, "report_run", lambda _, summary, code, later: (summary, code))
     rig = load(name, f"duration_s={seconds}")
     run(rig, out=tmp_path, clock="fake")
     recorded = read_recording(tmp_path / "recording.mcap")
