@@ -313,9 +313,13 @@ def _describe_part(group: str, name: str, point: EntryPoint) -> Installed:
     package = point.dist.name if point.dist is not None else ""
     version = point.dist.version if point.dist is not None else ""
     try:
-        plugin = _load(group, name, PARTS[group])
-        load_named(plugin.keys)
-    except ConfigError as err:
+        if group == CONTROLS:
+            plugin = load_control(name)
+            import_module(plugin.config)
+        else:
+            plugin = _load(group, name, PARTS[group])
+            load_named(plugin.keys)
+    except (ConfigError, ImportError) as err:
         return Installed(name, package, version, "", False, (str(err),))
     return Installed(name, package, version, plugin.summary, False, ())
 

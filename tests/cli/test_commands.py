@@ -14,7 +14,7 @@ import click
 import pytest
 from click.testing import Result
 
-from tautwave import errors
+from tautwave import errors, registry
 from tautwave.cli import main
 from tautwave.cli import run as run_command
 from tautwave.cli.run import fresh_directory
@@ -379,3 +379,17 @@ def test_drivers_lists_the_loopback(tautwave_cli: Cli) -> None:
     assert "loopback" in [entry["name"] for entry in listed]
     table = tautwave_cli("drivers").stdout
     assert re.search(r"loopback +tautwave \d", table)
+    [scene] = [entry for entry in listed if entry["kind"] == "control"]
+    assert scene["name"] == "scene"
+    assert scene["summary"]
+    assert not scene["missing"]
+    assert re.search(r"Controls(.|\n)*scene +tautwave \d", table)
+
+
+def test_a_control_whose_package_is_gone_is_listed_with_what_to_install(
+    tautwave_cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "_importable", lambda module: module != "tautwave_scenes")
+    listed = json.loads(tautwave_cli("drivers", "--json").stdout)
+    [scene] = [entry for entry in listed if entry["kind"] == "control"]
+    assert "pip install" in scene["missing"][0]

@@ -23,5 +23,5 @@ def test_a_rig_is_measured() -> None:
     (table,) = waiting.measure(("bench-1dof-2khz",), 1, compiling=False).tables
     (row,) = table.rows
     assert row[0] == "bench-1dof-2khz"
-    assert all(isinstance(value, float) and value > 0.0 for value in row[1:6])
-    assert row[6:] == [None, None]
+    assert all(isinstance(value, float) and value > 0.0 for value in row[1:7])
+    assert row[7:] == [None, None]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import pty
 import resource
 import statistics
 import subprocess
@@ -15,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +28,7 @@ from tautwave.cli.terminal.measured import print_suites
 from tautwave.config.shipped import find_example
 
 RIGS = ("bench-1dof-loopback", "bench-2axis-loopback", "scene-net", "arms/six-seven")
+DRAWN_S = 600.0
 MAIN = "from tautwave.cli import main; main(prog_name='tautwave')"
 STAMPED = """
 import json, sys, time
@@ -79,15 +82,41 @@ def median(rounds: int, measure: Callable[[], Spent]) -> Spent:
     return Spent(*(statistics.median(column) for column in zip(*found, strict=True)))
 
 
-def waits(rig: Path, folder: Path, number: int) -> tuple[float, float]:
-    """Return the time before a run's motion and after it [s]."""
-    stamps = folder / f"stamps-{number}.json"
-    words = ("run", str(rig), "--clock", "fake", "--duration", "1", "--quiet")
+def waits(rig: Path, folder: Path, number: int) -> tuple[float, float, float]:
+    """Return the time before a run's motion, from its end to the prompt, and to the report [s].
+
+    On a terminal: there the report is drawn after the prompt.
+    """
+    stamps, out = folder / f"stamps-{number}.json", folder / f"run-{number}"
+    words = ("run", str(rig), "--clock", "fake", "--duration", "1", "--quiet", "--out", str(out))
+    main, side = pty.openpty()
     began = time.monotonic()
-    spent(("-c", STAMPED, *words, "--out", f"run-{number}", str(stamps)), folder)
-    ended = time.monotonic()
+    with (
+        open(main, "rb", buffering=0) as terminal,
+        subprocess.Popen(
+            [sys.executable, "-c", STAMPED, *words, str(stamps)],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=side,
+            stderr=side,
+        ) as run,
+    ):
+        os.close(side)
+        printed = b""
+        with suppress(OSError):  # of a terminal whose other end was closed
+            while said := terminal.read(65536):
+                printed += said
+        run.wait()
+        ended = time.monotonic()
+    if run.returncode not in (0, 3):
+        raise click.ClickException(printed.decode(errors="replace").strip())
+    while not (out / "report.html").exists():
+        if time.monotonic() > ended + DRAWN_S:
+            raise click.ClickException(f"{rig}: no report within {DRAWN_S:g} s")
+        time.sleep(0.01)
+    drawn = time.monotonic()
     first, last = json.loads(stamps.read_text())
-    return first - began, ended - last
+    return first - began, ended - last, drawn - last
 
 
 def measure(names: Sequence[str], rounds: int, *, compiling: bool) -> Suite:
@@ -103,16 +132,17 @@ def measure(names: Sequence[str], rounds: int, *, compiling: bool) -> Suite:
             cold = spent(check, folder, **fresh)
             warm = median(rounds, lambda check=check: spent(check, folder))
             pairs = [waits(rig, folder, number) for number in range(rounds)]
-            before, after = (statistics.median(side) for side in zip(*pairs, strict=True))
-            row: list[Value] = [name, loaded.cpu_s, cold.cpu_s, warm.cpu_s, before, after]
+            times = [statistics.median(side) for side in zip(*pairs, strict=True)]
+            row: list[Value] = [name, loaded.cpu_s, cold.cpu_s, warm.cpu_s, *times]
             rows.append([*row, *(_compiled(rig, folder) if compiling else (None, None))])
             for number in range(rounds):
                 subprocess.run(["rm", "-rf", str(folder / f"run-{number}")], check=True)
-    columns = ("rig", "import_s", "check_cold_s", "check_s", "before_s", "after_s")
+    columns = ("rig", "import_s", "check_cold_s", "check_s", "before_s", "after_s", "report_s")
     table = Table(
         "Waiting",
         "CPU time of import and `check`, with and without compiled bytecode; wall time of a run of "
-        "1 s on the fake clock before its motion begins and after it ended; CPU time of its first "
+        "1 s on the fake clock, on a terminal, before its motion, from its end to the prompt "
+        "and to the report; CPU time of its first "
         f"compiled simulation and of the next; medians of {rounds}",
         (*columns, "compile_cold_s", "compile_warm_s"),
         rows,

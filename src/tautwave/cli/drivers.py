@@ -12,13 +12,15 @@ from tautwave.cli.terminal.show import BAD, Cell, Section, show
 if TYPE_CHECKING:
     from tautwave.registry import Installed
 
-PARTS = ("coupling", "environment", "hand")
+PARTS = ("coupling", "control", "environment", "hand")
 
 
 @click.command(short_help="List the installed drivers and parts.")
 @json_option
 def drivers(as_json: bool) -> None:
-    """List the installed bus drivers, couplings, environments and hands, and what is missing.
+    """List the installed drivers, couplings, controls, environments, hands, and what is missing.
+
+    A control stands between the axes in place of a coupling, such as a scene.
 
     \b
     Examples:
