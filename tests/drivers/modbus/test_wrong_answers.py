@@ -352,6 +352,7 @@ def test_a_position_of_16_bits_that_cannot_be_followed_is_refused_by_check(
         match_devices(plugin.options.model_validate(block), bus_of([axis], 50.0))
 
 
+@pytest.mark.slow
 def test_the_last_line_of_a_run_has_what_came_instead_of_samples() -> None:
     event = {"kind": "wrong_unit", "at_s": 0.1, "unit": 2, "times": 1000}
     data = one_rate_tree("generic")
