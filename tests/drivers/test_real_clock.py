@@ -20,6 +20,7 @@ from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
 from tautwave_drivers.dynamixel import plugin as servos
 from tautwave_drivers.modbus import plugin as drives
+from tautwave_drivers.modbus.scan import ScanOptions, scan
 from tests.drivers.dynamixel import parts as dynamixel
 from tests.drivers.modbus import parts as modbus
 from tests.foreign import modbus_drive, servo_line
@@ -190,6 +191,15 @@ def test_another_framing_is_named_on_tcp() -> None:
         driver = drives.make(options, modbus.bus_of(axes, 50.0), clock, None)
         with pytest.raises(DriverError, match=r"no Modbus TCP frames.* link: rtu"):
             driver.open()
+
+
+def test_a_scan_finds_a_drive_behind_a_serial_server() -> None:
+    clock = MonotonicClock()
+    line = modbus_drive.DriveLine(clock, {3: modbus_drive.Drive()}, tcp=False)
+    with on_tcp(lambda: line.port("")) as endpoint:
+        options = ScanOptions(endpoint=[endpoint], units="2-4", rtu=True, timeout_s=0.3)
+        [row] = scan(options)
+    assert (row["unit"], row["profile"]) == (3, "generic")
 
 
 # -- the installed command -----------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,7 +13,7 @@ from tautwave.errors import ConfigError, DriverError
 from tautwave_drivers.serial_ports import ports_found
 
 if TYPE_CHECKING:
-    from tautwave.contracts import Clock
+    from tautwave.contracts import BytePort, Clock
     from tautwave_drivers.modbus.line.link import Link
     from tautwave_drivers.modbus.profile import Profile
 
@@ -36,6 +36,10 @@ class ScanOptions(BaseModel):
     )
     baud: Annotated[int, Field(ge=300)] = Field(default=115_200, description="Of a serial line.")
     parity: Literal["N", "E", "O"] = Field(default="N", description="Of a serial line.")
+    rtu: bool = Field(
+        default=False,
+        description="At tcp:// endpoints: RTU frames, as serial servers pass them on.",
+    )
     stop_bits: Annotated[int, Field(ge=1, le=2)] = Field(default=1, description="Of a serial line.")
     timeout_s: Annotated[float, Field(gt=0.0)] = Field(
         default=0.05, description="How long to wait for each unit [s]."
@@ -91,7 +95,7 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
     found: list[dict[str, Any]] = []
     failed: dict[str, str] = {}
     for endpoint in options.endpoint:
-        units = units_of(options.units, not endpoint.startswith("tcp://"))
+        units = units_of(options.units, options.rtu or not endpoint.startswith("tcp://"))
         try:
             link = _open(endpoint, options, clock)
         except DriverError as err:
@@ -118,8 +122,13 @@ def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
     from tautwave_drivers.modbus.options import DeviceOptions, ModbusOptions
     from tautwave_drivers.serial_port import SerialPort
 
-    if not endpoint.startswith("tcp://"):
-        if not endpoint.startswith(("/", ".")) and endpoint.rpartition(":")[2].isdigit():
+    serial_line = not endpoint.startswith("tcp://")
+    if serial_line or options.rtu:
+        if (
+            serial_line
+            and not endpoint.startswith(("/", "."))
+            and endpoint.rpartition(":")[2].isdigit()
+        ):
             raise ConfigError(f"scan modbus: --endpoint {endpoint}: write tcp://{endpoint}")
         line = ModbusOptions(
             link="rtu",
@@ -130,11 +139,12 @@ def _open(endpoint: str, options: ScanOptions, clock: Clock) -> Link:
             late_s=options.timeout_s,
             devices=[DeviceOptions(unit=1)],
         )
-        opener = partial(SerialPort, endpoint, line.baud, line.parity, line.stop_bits)
-        serial = RtuLink(opener, clock, line)
-        serial.connect()
-        return serial
-    link = TcpLink(lambda: TcpPort(endpoint), clock, 3600.0)
+        serial: Callable[[], BytePort] = partial(TcpPort, endpoint)
+        if serial_line:
+            serial = partial(SerialPort, endpoint, line.baud, line.parity, line.stop_bits)
+        link: Link = RtuLink(serial, clock, line)
+    else:
+        link = TcpLink(lambda: TcpPort(endpoint), clock, 3600.0)
     until = clock.now_ns() + 2_000_000_000
     while not link.connect():
         if clock.now_ns() > until:

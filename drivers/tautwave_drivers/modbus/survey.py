@@ -47,7 +47,9 @@ def _propose(options: ScanOptions, rows: Sequence[Mapping[str, Any]]) -> Sequenc
         return []
     endpoint = str(usable[0]["endpoint"])
     given = {"link": Setting("tcp"), "endpoint": Setting(endpoint)}
-    if not endpoint.startswith("tcp://"):
+    if options.rtu and endpoint.startswith("tcp://"):
+        given["link"] = Setting("rtu", "a serial server passes RTU frames on")
+    elif not endpoint.startswith("tcp://"):
         given = {
             "link": Setting("rtu"),
             "endpoint": Setting(endpoint),
