@@ -38,6 +38,15 @@ class ReplayDevice(BaseModel):
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
     """Unit of the time column; default: seconds, and a file that has others is refused."""
 
+    rate_hz: Annotated[float, Field(gt=0)] | None = None
+    """[Hz] The rows are even in time; the file's own times, if any, are not read."""
+
+    columns: list[str] = Field(default_factory=list)
+    """Names of the columns of a text file without a heading."""
+
+    episode: Annotated[int, Field(ge=0)] | None = None
+    """Episode of a LeRobot dataset; default: its only one."""
+
     scale: float = 1.0
     """[rad | m per unit of the file]"""
 
@@ -96,7 +105,7 @@ def _imposed(options: ReplayOptions, bus: BusSpec) -> list[Imposed]:
                 f"{axis.name}; it has {', '.join(map(str, known))}"
             )
         keys = known[axis.device_id].model_dump(exclude={"id"})
-        found.append(Imposed(**keys))
+        found.append(Imposed(**{**keys, "columns": tuple(keys["columns"])}))
     return found
 
 

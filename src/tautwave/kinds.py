@@ -13,6 +13,7 @@ PROFILE, CALIBRATION = "a profile of a drive", "a calibration"
 SUMMARY, SCHEDULER = "the summary of a run", "a scheduler file of Dask"
 RUN, RECORDING, PICTURES = "the directory of a run", "a recording", "the pictures of a camera"
 PAGE, DATASET, TABLE = "the page of a report", "a LeRobot dataset", "a table"
+BAG = "a ROS 2 bag"
 SWEPT = "the results of a sweep"
 
 WANTED = {"rig file": RIG, "sweep file": SWEEP, "protocol": PROTOCOL, "profile": PROFILE}
@@ -30,7 +31,8 @@ _USE = {
     RECORDING: "its run is in {folder}, the rig in {folder}/rig.yaml",
     PICTURES: "its run is in {folder}, the rig in {folder}/rig.yaml",
     PAGE: "a browser shows it; its run is in {folder}",
-    DATASET: "its README.md names the runs that it was made from",
+    DATASET: "`tautwave identify {path}` and `tautwave report DIR --against {path}` read it",
+    BAG: "`tautwave identify {path}` and `tautwave report DIR --against {path}` read it",
     SWEPT: "points.csv in it is its table",
     TABLE: "`tautwave identify {path}` and `tautwave report DIR --against {path}` read it",
 }
@@ -41,7 +43,7 @@ _USE_OF_A_RIG = {
     RECORDING: "`tautwave run {path} --out DIR` makes one",
 }
 _MCAP = b"\x89MCAP"
-_TABLES = (".csv", ".parquet", ".npz", ".mat")
+_TABLES = (".csv", ".tsv", ".parquet", ".pq", ".npz", ".mat")
 
 
 def kind_of_keys(value: Mapping[str, Any]) -> str:
@@ -71,6 +73,8 @@ def kind_of_path(path: Path) -> str:
             return RUN
         if (path / "meta" / "info.json").exists():
             return DATASET
+        if (path / "metadata.yaml").exists():
+            return BAG
         return SWEPT if (path / "points.csv").exists() else ""
     try:
         with open_file(path) as file:
@@ -85,6 +89,8 @@ def kind_of_bytes(path: Path, start: bytes) -> str:
         return PICTURES if path.name.startswith("camera-") else RECORDING
     if start[:64].lower().startswith(b"<!doctype html"):
         return PAGE
+    if path.suffix == ".db3":
+        return BAG
     return TABLE if path.suffix in _TABLES else ""
 
 

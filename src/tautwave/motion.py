@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.models.reference import minimum_jerk, minimum_jerk_position, ramp_gain, sine_position
-from tautwave.recordings.columns import MEND, UNSTATED, read_columns
-from tautwave.recordings.stated import Stated
+from tautwave.recordings.columns import read_columns
+from tautwave.recordings.readers.shared import MEND
+from tautwave.recordings.stated import UNSTATED, Stated
 
 Array = npt.NDArray[np.float64]
 
@@ -83,7 +84,7 @@ def _sampled(
         path = base_directory / str(reference["file"])
         recorded, (values,) = _played(
             path, [str(reference["column"])], str(reference.get("time_column", "time_s")),
-            Stated(reference.get("time_unit")),
+            _stated(reference),
         )  # fmt: skip
         scaled = values * float(reference.get("scale", 1.0)) + float(reference.get("offset", 0.0))
         return recorded_positions(recorded, scaled, times, bool(reference.get("repeat", True)))
@@ -95,11 +96,16 @@ def _sampled(
     )
 
 
+def _stated(reference: Mapping[str, Any]) -> Stated:
+    given = {name: reference[name] for name in Stated._fields if reference.get(name) is not None}
+    return Stated(**given)
+
+
 def _intended(path: Path, reference: Mapping[str, Any], times: Array) -> Array:
     """What a recorded hand wanted, at new times, with the `grip` (mass, damping, stiffness)."""
     names = [str(reference[key]) for key in ("position", "effort")]
     clock = str(reference.get("time_column", "time_s"))
-    recorded, columns = _played(path, names, clock, Stated(reference.get("time_unit")))
+    recorded, columns = _played(path, names, clock, _stated(reference))
     grid = np.linspace(recorded[0], recorded[-1], len(recorded))
     position, effort = (np.interp(grid, recorded, values) for values in columns)
     effort = effort * float(reference.get("effort_scale", 1.0))

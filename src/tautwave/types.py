@@ -91,6 +91,9 @@ class Imposed(NamedTuple):
     offset: float = 0.0
     repeat: bool = True
     time_unit: str | None = None
+    rate_hz: float | None = None
+    columns: tuple[str, ...] = ()
+    episode: int | None = None
 
 
 class Choice(NamedTuple):

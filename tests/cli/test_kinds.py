@@ -31,12 +31,19 @@ FILES = {
     "report.html": "the page of a report",
     "peg": "a LeRobot dataset",
     "swept": "the results of a sweep",
+    "bag": "a ROS 2 bag",
     "rows.csv": "a table",
 }
 MAIN = {"sweep": "a sweep", "trials": "a protocol of trials"}
 TAKEN = {
     "export": ("a recording",),
-    "identify": ("a recording", "a table", "the directory of a run"),
+    "identify": (
+        "a recording",
+        "a table",
+        "the directory of a run",
+        "a LeRobot dataset",
+        "a ROS 2 bag",
+    ),
 }
 
 
@@ -57,6 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "done/summary.json": "{}",
         "peg/meta/info.json": "{}",
         "swept/points.csv": "",
+        "bag/metadata.yaml": "",
         "report.html": "<!DOCTYPE html>\n",
         "rows.csv": "time_s\n0\n",
     }

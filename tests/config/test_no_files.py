@@ -16,6 +16,7 @@ from tautwave.errors import TautwaveError
 from tautwave.kinds import kind_of_path
 from tautwave.reading import NO_FILE
 from tautwave.recordings import cameras, columns
+from tautwave.recordings.readers import text
 from tautwave.recordings.recording import read_recording
 from tautwave.registry import hash_part
 from tautwave.rig.network import trace_of
@@ -37,6 +38,9 @@ READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "mesh": (mesh, ".msh"),
     "sound": (read_sound, ".wav"),
     "hand": (lambda path: columns.read_columns(path, ["x"], "t"), ".csv"),
+    "npz": (lambda path: columns.column_names(path), ".npz"),
+    "Parquet": (lambda path: columns.column_names(path), ".parquet"),
+    "bag": (lambda path: columns.column_names(path), ".db3"),
     "MAT": (lambda path: columns.column_names(path), ".mat"),
     "recording": (read_recording, ".mcap"),
     "pictures": (lambda path: list(cameras._records(path)), ".mcap"),
@@ -57,7 +61,7 @@ def test_a_pipe_is_not_waited_for_and_a_device_is_not_read(
         os.mkfifo(path)
     else:
         path.symlink_to("/dev/zero")
-    assert not kind_of_path(path) or suffix in (".csv", ".mat")
+    assert not kind_of_path(path) or suffix in (".csv", ".mat", ".npz", ".parquet", ".db3")
     found: list[TautwaveError] = []
 
     def attempt() -> None:
@@ -98,6 +102,6 @@ def test_text_without_lines_or_with_too_many_rows_is_no_table(
     with pytest.raises(TautwaveError, match="a line of over 1048576 characters"):
         columns.read_columns(path, ["x"], "t")
     path.write_text("t,x\n" + "".join(f"{k},0\n" for k in range(11)))
-    monkeypatch.setattr(columns, "MOST_ROWS", 10)
+    monkeypatch.setattr(text, "MOST_ROWS", 10)
     with pytest.raises(TautwaveError, match="more than 10 rows; cut it"):
         columns.read_columns(path, ["x"], "t")

@@ -192,7 +192,7 @@ def test_a_simulated_rig_that_stands_still_shows_its_colour(cli: Cli, tmp_path: 
     [
         (("--noise", "--model", "auto"), "--model cannot be combined with --noise"),
         (("--noise", "--to", "0.1"), "201 samples are too few to estimate noise"),
-        (("--noise", "--axis", "a.b"), "a CSV file has no axes"),
+        (("--noise", "--axis", "a.b"), "is no recording of ours and has no axes"),
         (("--noise", "--position", "x"), "there is no column 'x'"),
     ],
 )

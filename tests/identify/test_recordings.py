@@ -176,7 +176,7 @@ def test_columns_are_found_by_their_names_or_requested(cli: Cli, tmp_path: Path)
     ("make", "words"),
     [
         (lambda p: p / "none.csv", "no such recording"),
-        (lambda p: p / "none.txt", "is not a rig"),
+        (lambda p: p / "none.doc", "is not a rig"),
         (lambda p: write(p / "s.csv", SHORT), "too few"),
         (lambda p: write(p / "c.csv", STILL), "never changes"),
     ],

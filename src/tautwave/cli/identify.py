@@ -13,19 +13,21 @@ from tautwave.cli.options import (
     Number,
     clock_option,
     echo_json,
+    file_options,
     json_option,
     of_kind,
     out_option,
     positive,
     set_option,
     simulate_option,
-    time_unit_option,
+    stated_of,
 )
 from tautwave.errors import ConfigError
-from tautwave.kinds import RECORDING, RIG, RUN, TABLE
+from tautwave.kinds import BAG, DATASET, RECORDING, RIG, RUN, TABLE
 
 RIG_SUFFIXES = (".yaml", ".yml")
-RECORDINGS = (".mcap", ".csv", ".mat")
+TEXTS = (".csv", ".tsv", ".txt", ".dat")
+RECORDINGS = (".mcap", ".mat", ".npz", ".parquet", ".pq", ".db3", *TEXTS)
 MODELS = ("auto", "spring", "contact", "preloaded", "hunt_crossley", "mass")
 _RIG_ONLY = (
     "load",
@@ -33,7 +35,17 @@ _RIG_ONLY = (
     *("overrides", "allow_uncertified", "simulate", "attach"),
 )
 _LEVER = ("position", "effort", "time", "filter_hz", "begin_s", "end_s")
-_RECORDING_ONLY = (*_LEVER, "time_unit", "lever", "outside", "model", "intent")
+_RECORDING_ONLY = (
+    *_LEVER,
+    "time_unit",
+    "rate",
+    "columns",
+    "episode",
+    "lever",
+    "outside",
+    "model",
+    "intent",
+)
 _NOT_NOISE = (
     *("load", "lever", "share", "reach"),
     *("effort", "outside", "model", "intent", "filter_hz"),
@@ -45,7 +57,7 @@ _NOT_NOISE = (
     "source",
     type=PATH,
     metavar="RIG|RECORDING",
-    callback=of_kind(RIG, RUN, RECORDING, TABLE),
+    callback=of_kind(RIG, RUN, RECORDING, TABLE, DATASET, BAG),
 )
 @click.option(
     "--axis", metavar="NAME", help="Axis, such as master.wrist; required if there are several."
@@ -112,7 +124,7 @@ _NOT_NOISE = (
     "--effort", metavar="COLUMN", help="RECORDING: column of the external effort, either sign."
 )
 @click.option("--time", metavar="COLUMN", help="RECORDING: column of the time.")
-@time_unit_option("RECORDING")
+@file_options("RECORDING")
 @click.option(
     "--model",
     type=click.Choice(MODELS),
@@ -140,7 +152,8 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     A RIG (.yaml) is run with the coupling off: one axis is excited by a few sines within its
     limits, with a soft centring spring; nothing may hold it. The result is inertia, viscous and
     Coulomb friction with 95 % intervals, as lines for the rig file. A RECORDING is a run's
-    directory, its .mcap, a .csv or .mat: the result is stiffness, damping, surface and force offset
+    directory, a table (CSV, text, Parquet, npz, MAT), an episode of a LeRobot dataset or a ROS 2
+    bag: the result is stiffness, damping, surface and force offset
     of the environment (or the hand); with --lever inertia, friction and encoder of the device.
 
     With --noise the lever must be at rest, preferably clamped; on a RIG no axis gets any effort.
@@ -157,7 +170,8 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     rig = source.suffix in RIG_SUFFIXES and not source.is_dir()
     if not rig and source.suffix not in RECORDINGS and not source.is_dir():
         raise ConfigError(
-            f"{source}: is not a rig (.yaml), a run directory or a recording (.mcap, .csv, .mat)"
+            f"{source}: is not a rig (.yaml), a run directory or a recording "
+            f"({', '.join(RECORDINGS)}, a LeRobot dataset, a ROS 2 bag)"
         )
     given = {
         p.name: p.opts[0]
@@ -192,12 +206,6 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
         _recording(source, options)
 
 
-def _stated(options: Mapping[str, Any]) -> Any:
-    from tautwave.recordings.stated import Stated
-
-    return Stated(options["time_unit"])
-
-
 def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
     from tautwave.cli.run import fresh_directory
     from tautwave.cli.terminal.moving import moved
@@ -217,7 +225,7 @@ def _noise(source: Path, rig: bool, options: Mapping[str, Any]) -> None:
     else:
         names = ("position", "time", "begin_s", "end_s")
         named = {name: options[name] for name in names}
-        result = identify_noise(source, axis=axis, stated=_stated(options), **named)
+        result = identify_noise(source, axis=axis, stated=stated_of(options), **named)
         directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
     save_result(result.as_dict(), directory)
     rotary = result.series.rotary
@@ -268,7 +276,7 @@ def _lever(source: Path, options: Mapping[str, Any]) -> None:
 
     result = identify_lever(
         source,
-        stated=_stated(options),
+        stated=stated_of(options),
         **{name: options[name] for name in (*_LEVER, "axis", "outside")},
     )
     directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
@@ -292,7 +300,7 @@ def _recording(source: Path, options: Mapping[str, Any]) -> None:
 
     result = identify_recording(
         source,
-        stated=_stated(options),
+        stated=stated_of(options),
         **{name: options[name] for name in ("axis", *_LEVER, "model", "intent")},
     )
     directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -117,13 +117,49 @@ simulate_option = click.option(
 )
 
 
-def time_unit_option(for_what: str) -> Callable[[Any], Any]:
-    """`--time-unit`, for the files of one option or argument."""
-    return click.option(
-        "--time-unit",
-        type=click.Choice(("s", "ms", "us", "ns")),
-        help=f"{for_what}: unit of the time column; default: told from its name and values.",
+def file_options(for_what: str) -> Callable[[Any], Any]:
+    """What files do not say themselves, for the files of one option or argument."""
+    options = (
+        click.option(
+            "--time-unit",
+            type=click.Choice(("s", "ms", "us", "ns")),
+            help=f"{for_what}: unit of the time column; default: told from its name and values.",
+        ),
+        click.option(
+            "--rate",
+            type=float,
+            callback=positive,
+            metavar="HZ",
+            help=f"{for_what}: its rows are even, so many a second; its own times are not read.",
+        ),
+        click.option(
+            "--columns",
+            metavar="A,B",
+            help=f"{for_what}: names of the columns of a text file without a heading.",
+        ),
+        click.option(
+            "--episode",
+            type=Whole(0),
+            metavar="N",
+            help=f"{for_what}: the episode of a LeRobot dataset; default: its only one.",
+        ),
     )
+
+    def decorate(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def stated_of(options: Mapping[str, Any]) -> Any:
+    """Return the `recordings.stated.Stated` of the values of `file_options`, by their names."""
+    from tautwave.recordings.stated import Stated
+
+    names = options["columns"]
+    columns = tuple(name.strip() for name in names.split(",")) if names else ()
+    return Stated(options["time_unit"], options["rate"], columns, options["episode"])
 
 
 def clock_option(text: str = "As for run.") -> Callable[[Any], Any]:

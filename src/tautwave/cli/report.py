@@ -12,10 +12,11 @@ from tautwave.cli.options import (
     PATH,
     Number,
     echo_json,
+    file_options,
     of_kind,
     positive,
     run_argument,
-    time_unit_option,
+    stated_of,
 )
 from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN, TABLE
@@ -64,7 +65,7 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     "(slave.lever.commanded=-tau). Default: match by name.",
 )
 @click.option("--time", metavar="COLUMN", help="--against: the file's column of the time.")
-@time_unit_option("--against")
+@file_options("--against")
 @click.option(
     "--from",
     "begin_s",
@@ -111,6 +112,9 @@ def report(
     mapped: tuple[str, ...],
     time: str | None,
     time_unit: str | None,
+    rate: float | None,
+    columns: str | None,
+    episode: int | None,
     begin_s: float | None,
     end_s: float | None,
 ) -> None:
@@ -129,13 +133,13 @@ def report(
         if run is not None and not run.is_dir():
             raise RecordingError(f"{run}: no such directory; give the --out of a run")
     only: dict[str, Any] = {"--map": mapped, "--time": time, "--time-unit": time_unit}
+    told = {"time_unit": time_unit, "rate": rate, "columns": columns, "episode": episode}
+    only |= {"--rate": rate, "--columns": columns, "--episode": episode}
     only |= {"--from": begin_s, "--to": end_s}
     if against is not None:
         if other is not None or kind is not None:
             raise click.UsageError("--against compares one run with one file; give no other run.")
-        from tautwave.recordings.stated import Stated
-
-        part = {"time": time, "begin_s": begin_s, "end_s": end_s, "stated": Stated(time_unit)}
+        part = {"time": time, "begin_s": begin_s, "end_s": end_s, "stated": stated_of(told)}
         _against(directory, against, mapped, out, part)
         return
     for name, value in only.items():
@@ -176,7 +180,7 @@ def _against(
     from tautwave.report.run.loading import load_run
     from tautwave.report.units import quantity, significant
 
-    if not recording_file(file).is_file():
+    if not recording_file(file).exists():
         raise RecordingError(f"{file}: no such recording")
     run = load_run(directory)
     notes: list[str] = []

@@ -1,7 +1,7 @@
-"""Recordings that are read back: our own (MCAP), and columns of anybody's CSV or MAT files."""
+"""Recordings that are read back: our own (MCAP), and columns of anybody's files."""
 
 RUN = "recording.mcap"
 """Name of the recording in the directory of a run."""
 
-KINDS = (".csv", ".mcap", ".mat")
-"""Suffixes of recordings; a run's directory stands for the recording in it."""
+DIRECTORIES = (RUN, "meta/info.json", "metadata.yaml")
+"""What a directory has that is read as a recording: a run's, a LeRobot dataset, a ROS 2 bag."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tautwave.errors import ConfigError
 from tautwave.motion import longest_step, resample
-from tautwave.recordings.columns import UNSTATED, column_names, read_columns
-from tautwave.recordings.stated import Stated
+from tautwave.recordings.columns import MADE, column_names, read_columns
+from tautwave.recordings.stated import UNSTATED, Stated
 from tautwave.recordings.times import time_columns
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
@@ -65,7 +65,9 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values * values)))
 
 
-def mapped_columns(run: Run, file: Path, given: Sequence[str]) -> dict[str, Column]:
+def mapped_columns(
+    run: Run, file: Path, given: Sequence[str], stated: Stated = UNSTATED
+) -> dict[str, Column]:
     """Return which column of the recording stands for which of the run.
 
     Those of `given`, `OURS=THEIRS` each, THEIRS with a sign or factor (`-tau`, `0.5*f_n`); and
@@ -76,7 +78,7 @@ def mapped_columns(run: Run, file: Path, given: Sequence[str]) -> dict[str, Colu
     ConfigError
         There is no such column, or none that fits.
     """
-    theirs = column_names(file)
+    theirs = column_names(file, stated)
     found: dict[str, Column] = {}
     for text in given:
         match = _MAPPED.fullmatch(text)
@@ -154,8 +156,9 @@ def compare_recording(
     ConfigError, RecordingError
         A column is missing, or too little of the time is in both.
     """
-    columns = mapped_columns(run, file, given)
-    clock = time or next(iter(time_columns(column_names(file))), "time_s")
+    columns = mapped_columns(run, file, given, stated)
+    made = MADE if stated.rate_hz is not None else None
+    clock = time or made or next(iter(time_columns(column_names(file, stated))), MADE)
     read = read_columns(
         file, [name for name, _ in columns.values()], clock, stated=stated, holes=True, notes=notes
     )

@@ -12,7 +12,7 @@ from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN
 
 
-@click.command(short_help="Write runs as CSV, Parquet, npz, MAT or a LeRobot dataset.")
+@click.command(short_help="Write runs as tables, a LeRobot dataset or ROS 2 bags.")
 @click.argument(
     "directories",
     type=PATH,
@@ -23,10 +23,11 @@ from tautwave.kinds import RECORDING, RUN
 )
 @click.option(
     "--to",
-    type=click.Choice(["csv", "parquet", "npz", "mat", "lerobot"]),
+    type=click.Choice(["csv", "parquet", "npz", "mat", "lerobot", "rosbag"]),
     default="csv",
     show_default=True,
-    help="Parquet and LeRobot need pyarrow (tautwave[parquet]), MAT SciPy (tautwave[analysis]).",
+    help="Parquet and LeRobot need pyarrow (tautwave[parquet]), MAT SciPy (tautwave[analysis]), "
+    "a ROS 2 bag rosbags (tautwave[ros]).",
 )
 @click.option("--columns", metavar="A,B", help="Tables: only these columns; default: all.")
 @click.option("--fps", type=Whole(1), help="LeRobot: frames a second; default: 30.")
@@ -54,7 +55,8 @@ def export(
     """Export runs, one file per episode, with episodes.csv as an index.
 
     A run without episodes becomes one file. Units are SI, as recorded. Several runs each get their
-    own directory; in a LeRobot dataset (v3.0) they become its episodes.
+    own directory; in a LeRobot dataset (v3.0) they become its episodes. A ROS 2 bag has the joint
+    states of a whole run.
 
     \b
     Examples:
@@ -86,6 +88,17 @@ def export(
         return
     if given:
         raise click.UsageError(f"{given[0]} is for --to lerobot")
+    if to == "rosbag":
+        if columns is not None:
+            raise click.UsageError("--columns is for tables; a bag has the joint states")
+        from tautwave.report.export.rosbag import export_bag
+
+        for directory in directories:
+            folder = _beside(directory) / "rosbag" if out is None else out
+            several = out is not None and len(directories) > 1
+            click.echo(export_bag(directory, folder / directory.name if several else folder))
+        _tell_losses(directories)
+        return
     from tautwave.report.export.tables import export_tables
 
     chosen = None if columns is None else [name.strip() for name in columns.split(",")]

@@ -9,7 +9,8 @@ from tautwave.config.keys.common import Block
 from tautwave.config.text.document import Document, nearest, show_path
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.recordings import RUN
+from tautwave.recordings import DIRECTORIES
+from tautwave.recordings.stated import stated_in
 
 
 def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:
@@ -20,7 +21,7 @@ def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:
     """
     for candidate in _candidates(document, path, file):
         try:
-            if candidate.is_file() or (candidate / RUN).is_file():
+            if candidate.is_file() or any((candidate / mark).is_file() for mark in DIRECTORIES):
                 return candidate.resolve()
         except (OSError, ValueError):
             continue
@@ -50,7 +51,7 @@ def check_recording(
     from tautwave.recordings.columns import column_names  # not to import NumPy for every rig
 
     try:
-        columns = column_names(found)
+        columns = column_names(found, stated_in(recording))
     except (ConfigError, RecordingError) as err:
         document.report(at, str(err).removeprefix(f"{found}: "))
         return

@@ -113,13 +113,16 @@ class Hold(Block):
 
 
 FILE = (
-    "Run, MCAP, CSV or MAT file; a relative path is resolved against the rig file's directory; "
-    "with `--set`, against the current directory."
+    "Run, CSV, text, Parquet, npz or MAT file, LeRobot dataset or ROS 2 bag; a relative path is "
+    "resolved against the rig file's directory; with `--set`, against the current directory."
 )
 
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 TIME_UNIT = "Unit of the time column; default: seconds, and a file that has others is refused."
+RATE = "[Hz] The rows are even in time; the file's own times, if any, are not read."
+COLUMNS = "Names of the columns of a text file without a heading."
+EPISODE = "Episode of a LeRobot dataset; default: its only one."
 
 
 class Recording(Block):
@@ -130,6 +133,9 @@ class Recording(Block):
     column: str = Field(description="Name of the column with the position.")
     time_column: str = Field(default="time_s", description="Name of the column with the time.")
     time_unit: TimeUnit | None = Field(default=None, description=TIME_UNIT)
+    rate_hz: Positive | None = Field(default=None, description=RATE)
+    columns: tuple[str, ...] = Field(default=(), description=COLUMNS)
+    episode: Annotated[int, Field(ge=0)] | None = Field(default=None, description=EPISODE)
     scale: float = Field(default=1.0, description="[rad | m per unit of the file]")
     offset: float = Field(default=0.0, description="[rad | m] Added after scaling.")
     repeat: bool = Field(default=True, description="Repeat it; otherwise hold its last value.")
@@ -146,6 +152,9 @@ class Intent(Block):
     )
     time_column: str = Field(default="time_s", description="Name of the column with the time.")
     time_unit: TimeUnit | None = Field(default=None, description=TIME_UNIT)
+    rate_hz: Positive | None = Field(default=None, description=RATE)
+    columns: tuple[str, ...] = Field(default=(), description=COLUMNS)
+    episode: Annotated[int, Field(ge=0)] | None = Field(default=None, description=EPISODE)
     effort_scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
     effort_offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
     filter_hz: Positive = Field(
@@ -262,6 +271,9 @@ class Recorded(Block):
     )
     time_column: str = Field(default="time_s", description="Name of the column with the time.")
     time_unit: TimeUnit | None = Field(default=None, description=TIME_UNIT)
+    rate_hz: Positive | None = Field(default=None, description=RATE)
+    columns: tuple[str, ...] = Field(default=(), description=COLUMNS)
+    episode: Annotated[int, Field(ge=0)] | None = Field(default=None, description=EPISODE)
     scale: float = Field(default=1.0, description="Scale of the sensor; -1 turns its sign.")
     offset: float = Field(default=0.0, description="[N m | N] Added after scaling.")
     repeat: bool = Field(

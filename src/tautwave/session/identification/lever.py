@@ -13,8 +13,7 @@ from tautwave.analysis.identification.moving_encoder import moving_noise, moving
 from tautwave.analysis.identification.plausible import implausible
 from tautwave.analysis.identification.regression import Estimate
 from tautwave.errors import RecordingError
-from tautwave.recordings.columns import UNSTATED
-from tautwave.recordings.stated import Stated
+from tautwave.recordings.stated import UNSTATED, Stated
 from tautwave.session.identification.identifying import device_numbers, device_snippet
 from tautwave.session.identification.recorded_columns import (
     Series,
@@ -158,7 +157,7 @@ def identify_lever(
         Not readable, ambiguous columns, too short, or the lever did not move.
     """
     part = (begin_s, end_s)
-    effort = motor_column(source, axis, effort)
+    effort = motor_column(source, axis, effort, stated)
     series = changing(read_series(source, position, effort, time, axis, part, stated))
     felt = None
     if outside is not None:

@@ -22,8 +22,7 @@ from tautwave.analysis.identification.regression import Array, RecursiveLeastSqu
 from tautwave.analysis.identification.sensor_lag import Recorded, fit_lagged
 from tautwave.errors import RecordingError
 from tautwave.files import make_directory, write_text
-from tautwave.recordings.columns import UNSTATED
-from tautwave.recordings.stated import Stated
+from tautwave.recordings.stated import UNSTATED, Stated
 from tautwave.session.identification.recorded_columns import (
     Series,
     changing,

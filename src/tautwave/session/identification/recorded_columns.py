@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tautwave.analysis.identification.regression import Array
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.recordings.columns import UNSTATED, column_names, read_columns, recording_file
-from tautwave.recordings.stated import Stated
+from tautwave.recordings.columns import MADE, column_names, is_own, read_columns, recording_file
+from tautwave.recordings.stated import UNSTATED, Stated
 from tautwave.recordings.times import time_columns
 
 MOST_SAMPLES = 100_000
@@ -103,10 +103,9 @@ def read_positions(
     ConfigError, RecordingError
         No such recording or column, or names that leave the column ambiguous.
     """
-    if source.is_dir():
-        source = source / "recording.mcap"
-    if position is None and source.is_file():
-        position = _only_position(source, axis)
+    source = recording_file(source)
+    if position is None and source.exists():
+        position = _only_position(source, axis, stated)
     series, times = _read(source, position, position, time, axis, stated)
     inside, notes = _inside(series, times, part)
     t = times[inside]
@@ -124,10 +123,10 @@ def read_positions(
     )  # fmt: skip
 
 
-def _only_position(source: Path, axis: str | None) -> str:
+def _only_position(source: Path, axis: str | None, stated: Stated) -> str:
     """Return the column of the given axis' position, or of the only one."""
-    if source.suffix != ".mcap":
-        header = column_names(source)
+    if not is_own(source):
+        header = column_names(source, stated)
         places = [name for name in header if "position" in name.lower() or "angle" in name.lower()]
         return _one(source, "position", "--position", places, header)
     from tautwave.recordings.recording import read_recording
@@ -149,19 +148,18 @@ def _read(
     stated: Stated,
 ) -> tuple[Series, Array]:
     """Return the two columns as they were recorded, and their times [s]."""
-    if source.is_dir():
-        source = source / "recording.mcap"
-    if not source.is_file():
+    source = recording_file(source)
+    if not source.exists():
         raise RecordingError(f"{source}: no such recording")
     notes: list[str] = []
-    if source.suffix != ".mcap":
+    if not is_own(source):
         if axis is not None:
             raise ConfigError(
-                f"{source}: a {source.suffix[1:].upper()} file has no axes; "
-                "use --position and --effort"
+                f"{source}: is no recording of ours and has no axes; use --position and --effort"
             )
-        header = column_names(source)
-        clock = time or _one(source, "time", "--time", time_columns(header), header)
+        header = column_names(source, stated)
+        made = MADE if stated.rate_hz is not None else None
+        clock = time or made or _one(source, "time", "--time", time_columns(header), header)
         position, effort = csv_columns(source, header, position, effort)
         read = read_columns(
             source, [position, effort], clock, stated=stated, holes=True, notes=notes
@@ -272,15 +270,17 @@ def with_beside(
     return series._replace(known=known), np.interp(grid, times[good], raw.effort[good])
 
 
-def motor_column(source: Path, axis: str | None, effort: str | None) -> str | None:
+def motor_column(
+    source: Path, axis: str | None, effort: str | None, stated: Stated = UNSTATED
+) -> str | None:
     """Return the column of a motor's effort: the given one, else found by its name."""
     if effort is not None:
         return effort
     file = recording_file(source)
-    if not file.is_file():
+    if not file.exists():
         return None  # reported where it is read
-    names = column_names(file)
-    if file.suffix == ".mcap":
+    names = column_names(file, stated)
+    if is_own(file):
         able = [name for name in names if name.rpartition(".")[2] == "motor_effort"]
         able = able or [name for name in names if name.rpartition(".")[2] == "commanded"]
         able = [name for name in able if axis is None or name.rpartition(".")[0] == axis]
@@ -340,8 +340,9 @@ def _one(
         raise ConfigError(
             f"{path}: several columns could be the {what} ({', '.join(able)}); choose with {option}"
         )
+    rate = ", or with --rate HZ where rows are even in time" if option == "--time" else ""
     raise ConfigError(
-        f"{path}: no column name matches the {what}; give it with {option}"
+        f"{path}: no column name matches the {what}; give it with {option}{rate}"
         f" (there are {', '.join(header) or 'none'})"
     )
 

@@ -14,8 +14,7 @@ from tautwave.analysis.identification.encoder_noise import (
 from tautwave.analysis.identification.plausible import implausible
 from tautwave.config import Rig
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.recordings.columns import UNSTATED
-from tautwave.recordings.stated import Stated
+from tautwave.recordings.stated import UNSTATED, Stated
 from tautwave.rig.arms import without_carrying
 from tautwave.session.identification.identifying import record_excitation
 from tautwave.session.identification.recorded_columns import Series, read_positions
