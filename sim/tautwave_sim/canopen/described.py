@@ -18,10 +18,10 @@ MODES = (0x6502, 0)
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _PDOS = range(0x1400, 0x1C00)
 _STATES_NOTHING: Mapping[tuple[int, int], tuple[int, ...]] = {
-    (0x6075, 0): (0,), (0x6076, 0): (0,), (0x608F, 1): (0, 1), (0x608F, 2): (0,),
+    (0x1000, 0): (0,), (0x6075, 0): (0,), (0x6076, 0): (0,), (0x608F, 1): (0, 1), (0x608F, 2): (0,),
     (0x6091, 1): (0,), (0x6091, 2): (0,), (0x6092, 1): (0, 1), (0x6092, 2): (0,), MODES: (0,),
 }  # fmt: skip
-"""Defaults of a drive that knows no motor yet."""
+"""Defaults that state nothing, as of a drive that knows no motor yet."""
 _IDENTITY = 0x1018
 
 Key = tuple[int, int]

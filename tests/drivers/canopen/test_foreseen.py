@@ -240,6 +240,17 @@ def test_a_dcf_that_sets_what_a_run_refuses_is_refused(
         foreseen_of(path)
 
 
+@pytest.mark.parametrize(("kind", "refused"), [("0", True), ("", False), ("0x00020192", False)])
+def test_a_device_without_any_object_of_a_drive_is_none(
+    tmp_path: Path, kind: str, refused: bool
+) -> None:
+    gone = {f"x{name}": None for name in DRIVE if name[0] == "6"}
+    path = eds(tmp_path / "a.eds", x1000=kind, **gone)
+    found = checked(path)
+    assert bool(found) == refused, found
+    assert all("no object of the drive profile (6000h to 9FFFh)" in one for one in found)
+
+
 def test_no_rig_is_made_of_a_file_that_describes_no_drive(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="describes an encoder"):
         described(eds(tmp_path / "a.eds", x1000="0x00020196"))

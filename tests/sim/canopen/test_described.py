@@ -73,6 +73,7 @@ def test_what_a_drive_of_the_file_would_be_refused_for_its_simulation_is(
     [
         changed(x6076={"DefaultValue": "0"}, x6075={"DefaultValue": "0"}),
         changed(x608F_1={"DefaultValue": "1"}),
+        changed(x1000={"DefaultValue": "0"}),
         changed(x6502={"DefaultValue": ""}),
         without((0x6072, 0)),
         without((0x605A, 0)),

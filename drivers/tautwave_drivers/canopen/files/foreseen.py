@@ -13,12 +13,18 @@ from tautwave_drivers.cia402.modes import mode_name, supported_text, supports
 from tautwave_drivers.cia402.reactions import acts_on_loss
 
 CIA_402 = 0x0192
+DRIVE_PROFILE = range(0x6000, 0xA000)
 PROFILES = {0x0191: "an I/O module (CiA 401)", 0x0196: "an encoder (CiA 406)"}
 
 
 def no_drive(file: DeviceFile) -> str:
     """Return why a file describes no drive, '' where it may."""
     kind = file.number(c.DEVICE_TYPE)
+    if kind == 0 and not any(index in DRIVE_PROFILE for index, _ in file.objects):
+        return (
+            f"{file.path} describes no CiA 402 drive: 1000:00 device type is 0, and it has no "
+            "object of the drive profile (6000h to 9FFFh)"
+        )
     if not kind or kind & 0xFFFF == CIA_402:
         return ""
     what = PROFILES.get(kind & 0xFFFF, "another device")
