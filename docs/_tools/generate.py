@@ -6,13 +6,14 @@ from pathlib import Path
 
 from _tools.columns import columns_page
 from _tools.commands import commands_page, exit_codes_page
+from _tools.floors import floors_svg
 from _tools.keys import keys_page
 from _tools.stops import stops_page
 from _tools.summary import summary_page
 
 
 def write_pages(folder: Path) -> None:
-    """Write keys, commands, columns, codes, stops and the summary as Markdown into `folder`."""
+    """Write pages of keys, commands and so on, and the picture of the floors, into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     pages = {
         "keys.md": keys_page,
@@ -21,6 +22,7 @@ def write_pages(folder: Path) -> None:
         "exit-codes.md": exit_codes_page,
         "stops.md": stops_page,
         "summary.md": summary_page,
+        "floors.svg": floors_svg,
     }
     for name, page in pages.items():
         path, text = folder / name, page()

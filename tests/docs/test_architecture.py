@@ -6,6 +6,8 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 ROW = re.compile(r"^\| ([^|`]+) \| `([^`]+)` \| `(\w+)` \|$", re.MULTILINE)
 
@@ -49,3 +51,22 @@ def test_every_decision_has_a_number_of_its_own() -> None:
     pages = sorted(path.name for path in (ROOT / "docs" / "decisions").glob("0*.md"))
     numbers = [name.split("-")[0] for name in pages]
     assert len(set(numbers)) == len(numbers), pages[-4:]
+
+
+def test_the_picture_of_the_floors_has_each_room_once_and_fits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each package and module of `tautwave` is in it, and no box is narrower than its name."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    from _tools.floors import PER_LETTER, WIDTH, floors, floors_svg
+
+    rooms = [room for row in floors() for room in row]
+    source = ROOT / "src/tautwave"
+    there = {path.stem for path in source.iterdir() if path.suffix == ".py" or path.is_dir()}
+    assert sorted(rooms) == sorted(there - {"__init__", "__pycache__"})
+    boxes = re.findall(r'<rect x="([\d.]+)" y="\d+" width="([\d.]+)"', floors_svg())
+    names = re.findall(r">([a-z_]+)</text>", floors_svg())
+    assert names == rooms
+    for (x, width), name in zip(boxes, names, strict=True):
+        assert float(x) + float(width) <= WIDTH
+        assert float(width) >= PER_LETTER * len(name), name
