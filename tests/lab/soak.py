@@ -231,14 +231,17 @@ def _faulted(
         with suppress(subprocess.TimeoutExpired):
             run.wait(pause)
             return
+        try:
+            both = held(run.pid), held(server)
+        except OSError:  # it has just ended
+            return
         fault = it.draw.choice(FAULTS)
         why = ""
         try:
-            both = held(run.pid), held(server)
             fault(it)
         except Exception as err:  # noqa: BLE001  what failed is a result
             why = f"{type(err).__name__}: {err}"
-        if not (it.out / LIVE).exists():  # ended meanwhile, as the fault may have found
+        if why and not (it.out / LIVE).exists():  # the run ended meanwhile, which is no fault's
             return
         yield fault.__name__, why, *both
 
