@@ -159,7 +159,8 @@ def test_columns_are_found_by_their_names_or_requested(cli: Cli, tmp_path: Path)
     missing = cli("identify", named)
     assert missing.exit_code == 2
     assert missing.stderr.strip() == (
-        f"{named}: no column name matches the time; give it with --time (there are clock, a, b)"
+        f"{named}: no column name matches the time; give it with --time, or with --rate HZ "
+        "where rows are even in time (there are clock, a, b)"
     )
     wrong = cli("identify", named, "--time", "clock", "--position", "c")
     assert "there is no column 'c'; there are clock, a, b" in wrong.stderr
