@@ -7,9 +7,9 @@ master and slave [mN m], means of a quarter of a second at 3, 6, 14, 30 and 60 s
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,8 @@ DELAYS = (0.0, 0.02, 0.1)
 ENCODERS = {"1.5e-5": (1.5e-5, 2.094e-5), "9e-5": (9e-5, 2.094e-5), "coarse": (0.0, 1.534e-3)}
 """Noise, declared and true, and encoder step [rad]."""
 TIMES = (3.0, 6.0, 14.0, 30.0, 60.0)
+SWINGS_S = 4.0
+"""[s] Longer than a swing of a pair that swings."""
 FELT = 0.025
 """[N m] Coulomb friction: less is no press."""
 
@@ -68,9 +70,9 @@ class Hold(NamedTuple):
         return load_rig(BENCH, changes)
 
 
-def efforts(run: Simulation, side: str, of: Callable[[Any], Any] = np.asarray) -> list[float]:
+def efforts(run: Simulation, side: str) -> list[float]:
     """Return the mean effort of a side before each of the times [N m]; NaN after the end."""
-    time, sent = run["time_s"], of(run[f"{side}.lever.commanded"])
+    time, sent = run["time_s"], run[f"{side}.lever.commanded"]
     found = []
     for at in TIMES:
         known = (time > at - 0.3) & (time <= at - 0.05)
@@ -79,14 +81,21 @@ def efforts(run: Simulation, side: str, of: Callable[[Any], Any] = np.asarray) -
 
 
 def lets_go_unsaid(run: Simulation) -> bool:
-    """Return whether a side pressed at 3 s, and at the end does so with less than a quarter.
+    """Return whether a side pressed after 3 s, and at the end does so with less than a quarter.
 
-    One that swings, as laws do with a long delay and a coarse encoder, is felt to: sizes count.
+    Sizes over four seconds count: one that swings, as laws do with a long delay and a coarse
+    encoder, is felt to.
     """
     if run.error is not None:
         return False
-    both = [efforts(run, side, np.abs) for side in ("master", "slave")]
-    return any(one[0] > 2.0 * FELT and one[-1] < 0.25 * one[0] for one in both)
+    time = run["time_s"]
+    for side in ("master", "slave"):
+        size = np.abs(run[f"{side}.lever.commanded"])
+        first = float(np.mean(size[(time > TIMES[0]) & (time <= TIMES[0] + SWINGS_S)]))
+        last = float(np.mean(size[time > TIMES[-1] - SWINGS_S]))
+        if first > 2.0 * FELT and last < 0.25 * first:
+            return True
+    return False
 
 
 def cases(laws: list[str]) -> Iterator[Hold]:
