@@ -10,6 +10,7 @@ import pytest
 
 from tautwave.certificate import certify
 from tautwave.config import Rig, parse_rig
+from tautwave.couplings.wave.device_port import DevicePort
 from tests.certificate.rigs import element, rig
 
 NAME = "bench-1dof-2khz"
@@ -153,3 +154,19 @@ def test_the_remedy_of_a_refused_port_passes(changes: tuple[str, ...]) -> None:
     assert said, port.passive.reason
     better = [*changes, *(f"coupling.pairs.lever.{key}={value}" for key, value in said)]
     assert element(certify(rig(*better, name=NAME)), "slave.lever port").passive.passed
+
+
+def test_a_brief_certificate_has_the_same_verdicts_and_computes_nothing_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The whole one adds the stiffest spring of each port, and a sentence on it."""
+    whole = certify(rig(name=NAME)).as_dict()
+    monkeypatch.setattr(DevicePort, "stiffest", lambda _: pytest.fail("sought"))
+    brief = certify(rig(name=NAME), brief=True).as_dict()
+    found = 0
+    for one in whole["elements"]:
+        if one["numbers"].pop("stiffest", None):
+            assert "tolerates springs" in one["sentences"].pop()
+            found += 1
+    assert found == 2
+    assert brief == whole

@@ -54,7 +54,8 @@ class Element(NamedTuple):
     """One element of the rig: a wall, a port, the line, a filter, a scaling, a coupling.
 
     `axis` is the full name of its axis or, where it belongs to no axis, the pair's name.
-    `numbers` holds everything that was computed, `sentences` the text for people.
+    `numbers` holds everything that was computed, `sentences` the text for people. `more` computes
+    further ones on which no verdict rests, and which take long.
     """
 
     name: str
@@ -64,6 +65,16 @@ class Element(NamedTuple):
     passive_quantised: Verdict
     numbers: Mapping[str, Any]
     sentences: tuple[str, ...]
+    more: Callable[[], tuple[Mapping[str, Any], tuple[str, ...]]] | None = None
+
+    def whole(self) -> Element:
+        """Return it with what `more` computes."""
+        if self.more is None:
+            return self
+        numbers, sentences = self.more()
+        return self._replace(
+            numbers={**self.numbers, **numbers}, sentences=(*self.sentences, *sentences), more=None
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""

@@ -37,7 +37,9 @@ UNKNOWN = Verdict(
 )  # fmt: skip
 
 
-def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certificate:
+def certify(
+    rig: Rig, *, coulomb: Mapping[str, float] | None = None, brief: bool = False
+) -> Certificate:
     """Return the certificate of a rig; touches no device.
 
     Parameters
@@ -48,6 +50,9 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
     coulomb : mapping, optional
         Lower bound of Coulomb friction by full axis name [N m or N]; default: the rig's
         `coulomb.lower`.
+    brief : bool
+        Leave out numbers and sentences that no verdict rests on, such as the stiffest spring that a
+        port tolerates: most of the time goes into them.
 
     Raises
     ------
@@ -73,6 +78,8 @@ def certify(rig: Rig, *, coulomb: Mapping[str, float] | None = None) -> Certific
         *bus_elements(rig, delays),
         *policy_elements(rig),
     )
+    if not brief:
+        elements = tuple(element.whole() for element in elements)
     # Of a half the other end is not known, and neither is the network.
     whole = rig.coupling.pairs if rig.site is None else ()
     loops = tuple(lightened_loop(rig, pair_loop(rig, name, delays)) for name in whole)

@@ -95,14 +95,15 @@ def check(
     loaded = load_rig(rig, at_site(overrides, site))
     from tautwave import session
 
-    result = session.check(loaded, simulate=simulate)
+    brief = not (verbose or as_json or out is not None)
+    result = session.check(loaded, simulate=simulate, brief=brief)
     if out is not None:
         _keep(out, loaded, result)
     halves = {}
     if loaded.sites is not None and loaded.site is None:
         for side in ("master", "slave"):
             half = load_rig(rig, at_site(overrides, side))
-            halves[side] = session.check(half, simulate=own_buses(half, simulate))
+            halves[side] = session.check(half, simulate=own_buses(half, simulate), brief=brief)
     if as_json:
         sites = {side: half.as_dict() for side, half in halves.items()}
         echo_json(result.as_dict() | ({"sites": sites} if sites else {}))

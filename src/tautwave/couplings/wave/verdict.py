@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import partial
 
 from tautwave.analysis.claim import Claim, joules, watts
 from tautwave.analysis.wave_port.device_class import LATEST
@@ -22,7 +23,7 @@ from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.certificate.rates import converter_element
 from tautwave.config import Rig
 from tautwave.couplings.wave.claim import claim_of, claimed_sentence
-from tautwave.couplings.wave.device_port import binding, pair_of, port_of, remedy_of
+from tautwave.couplings.wave.device_port import DevicePort, binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import coarsest_step, port_impedance
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.servos.admittance import admittance_element
@@ -47,7 +48,6 @@ def _at_axis(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Iterat
 
 def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) -> Element:
     """Return the port of an axis that takes effort."""
-    axis = rig.axes[axis_name]
     left = axis_allowance(rig, axis_name, delays[axis_name]).free_damping - damping
     name = f"{axis_name} port"
     claim = claim_of(rig, axis_name, delays)
@@ -78,6 +78,7 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
                 "this may be supplied.",
                 margin=-noise,
             )
+    more = None
     if left > 0.0:
         port = port_of(rig, axis_name, delays, left)
         numbers |= {"gain": port.gain.greatest, **port.devices._asdict()}
@@ -88,16 +89,22 @@ def _impedance_port(rig: Rig, axis_name: str, delays: Delays, damping: float) ->
                 f"transferred work; {joules(claim.reserve / share)} in one direction empties it."
             )
         if passive.passed and not _is_augmented(rig, axis_name):
-            unit = "N m/rad" if axis.kind == "rotary" else "N/m"
-            stiffest = numbers["stiffest"] = port.stiffest()
-            walled = damping > 0.0 and port.observer.pole >= 0.0
-            binds = binding(rig, axis_name, delays, left)
-            sentences.append(
-                f"{name}: it tolerates springs up to {stiffest:.4g} {unit}"
-                f"{', its own wall counted' if walled else ''}"
-                f"{'; ' if binds else ''}{binds}."
-            )
-    return Element(name, "port", axis_name, passive, quantised, numbers, tuple(sentences))
+            more = partial(_tolerated, rig, axis_name, delays, port, damping)
+    return Element(name, "port", axis_name, passive, quantised, numbers, tuple(sentences), more)
+
+
+def _tolerated(
+    rig: Rig, axis_name: str, delays: Delays, port: DevicePort, damping: float
+) -> tuple[dict[str, float], tuple[str]]:
+    """Return the stiffest spring that a port tolerates, and a sentence on it."""
+    stiffest, unit = port.stiffest(), "N m/rad" if rig.axes[axis_name].kind == "rotary" else "N/m"
+    walled = damping > 0.0 and port.observer.pole >= 0.0
+    binds = binding(rig, axis_name, delays, port.devices.damping)
+    return {"stiffest": stiffest}, (
+        f"{axis_name} port: it tolerates springs up to {stiffest:.4g} {unit}"
+        f"{', its own wall counted' if walled else ''}"
+        f"{'; ' if binds else ''}{binds}.",
+    )
 
 
 def _unfiltered(rig: Rig, axis_name: str) -> str | None:
