@@ -235,6 +235,8 @@ def _faulted(
             both = held(run.pid), held(server)
         except OSError:  # it has just ended
             return
+        if not both[1].memory_mb or not (it.out / LIVE).exists():  # it no longer moves
+            return
         fault = it.draw.choice(FAULTS)
         why = ""
         try:
