@@ -39,6 +39,11 @@ BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
         ("report . --against a.csv", "a.csv: no such recording"),
         ("export . --to lerobot --columns time_s", "--columns is for tables; a dataset has fixed"),
         ("export . . --to lerobot", "several runs are combined into one dataset: give its direc"),
+        (
+            "link serve --keys . --bind 10.0.0.2:7448",
+            "an address without a port, such as 10.0.0.2 or ::1; the port is --port (got",
+        ),
+        ("link serve --keys . --bind [::1]:7448", "the port is --port (got '[::1]:7448')"),
         ("run {bench} --end-with-input", "--end-with-input requires --commands -"),
         ("new rig.yml --bus '", 'new: --bus "\'": write DRIVER [OPTIONS]'),
         ("new rig.txt --profile {profile}", "new: rig.txt: a rig file name must end in .yaml"),

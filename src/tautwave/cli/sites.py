@@ -22,6 +22,18 @@ def _name_option(key: str, default: str, text: str) -> Callable[[Any], Any]:
     return click.option(key, default=default, show_default=True, help=text)
 
 
+def _bind(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
+    """Refuse a port in the address to listen on."""
+    if ":" in value:
+        from tautwave.config.keys.sites import without_port
+
+        try:
+            without_port(value, "--port")
+        except ValueError as err:
+            raise click.BadParameter(f"{err}.") from None
+    return value
+
+
 @click.group("link", short_help="Measure the path between two sites.")
 def link() -> None:
     """Measure the path between two sites: loss, delay, order, clocks.
@@ -40,7 +52,7 @@ def link() -> None:
 @keys_option
 @_name_option("--site", "slave", "Name of this site.")
 @_name_option("--peer", "master", "Name of the other site.")
-@click.option("--bind", default="", help="Address to listen on; default: all.")
+@click.option("--bind", default="", callback=_bind, help="Address to listen on; default: all.")
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True)
 @click.option("--once", is_flag=True, help="End after the first test.")
 def serve(directory: Path, site: str, peer: str, bind: str, port: int, once: bool) -> None:

@@ -15,15 +15,21 @@ PORT = 7447
 Port = Annotated[int, Field(ge=1, le=65535)]
 
 
-def _no_port(bind: str) -> str:
-    """Refuse an address with a port, which belongs to both sites."""
+def without_port(bind: str, where: str = "sites.port") -> str:
+    """Return an address to listen on; the port belongs to both sites, and is told at `where`.
+
+    Raises
+    ------
+    ValueError
+        It has a port.
+    """
     if ":" in bind:
         try:
             ip_address(bind)
         except ValueError:
             raise ValueError(
-                "an address without a port, such as 10.0.0.2 or ::1; the port is sites.port (got "
-                f"{bind!r})"
+                "an address without a port, such as 10.0.0.2 or ::1; the port is "
+                f"{where} (got {bind!r})"
             ) from None
     return bind
 
@@ -36,7 +42,7 @@ class Site(Block):
         description="Name or address at which the other site reaches this one; required for the "
         "serving site.",
     )
-    bind: Annotated[str, AfterValidator(_no_port)] = Field(
+    bind: Annotated[str, AfterValidator(without_port)] = Field(
         default="", description="Address to listen on; empty: all addresses of this machine."
     )
     keys: Annotated[str, Field(min_length=1)] = Field(
