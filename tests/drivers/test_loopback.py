@@ -12,6 +12,8 @@ from tautwave.types import SAFE_COMMAND
 from tautwave_sim.loopback import LoopbackDriver, LoopbackOptions, LoopbackSimulator, plugin
 from tests.sim.truths import truth
 
+APART = "its axes are objects of this process: they have no power, no line and no answers of theirs"
+
 
 def make(*causality: str, delay_s: float = 0.0) -> DriverBench:
     clock = FakeClock()
@@ -27,6 +29,10 @@ def make(*causality: str, delay_s: float = 0.0) -> DriverBench:
         causality,
         lambda axis: world.axes[axis]._command,
         lambda axis: world.axes[axis].physics.x,
+        forget=APART,
+        stick=APART,
+        spoil=APART,
+        twin=APART,
     )
 
 

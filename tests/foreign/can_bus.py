@@ -38,6 +38,8 @@ class ForeignBus:
         **more: object,
     ) -> None:
         self._clock = clock
+        self.cut = False
+        """Nothing that the driver sends arrives any more."""
         self.response_ns = IN_NS
         """How long a response by SDO takes."""
         self.now_ns = clock.now_ns()
@@ -63,7 +65,8 @@ class ForeignBus:
 
     def send(self, can_id: int, data: bytes) -> bool:
         self.advance(self._clock.now_ns())
-        self._push(self.now_ns + OUT_NS, True, can_id, data)
+        if not self.cut:
+            self._push(self.now_ns + OUT_NS, True, can_id, data)
         return True
 
     def controller_says(self, can_id: int, data: bytes) -> None:

@@ -129,6 +129,8 @@ class ForeignDrive:
         """Bits of its statusword that are never 1."""
         self.stays_on = self.deaf_to_sync = self.beats_not = self.silent = False
         """It never goes to OPERATION ENABLED; hears no SYNC; sends no heartbeat; nothing at all."""
+        self.stubborn = False
+        """Once enabled it stays so, whatever it is told; only its watchdog ends that."""
         self.warns_of = 0
         """An EMCY that it sends while it is switched on."""
         self.shows_mode = "always"
@@ -277,6 +279,8 @@ class ForeignDrive:
             self.resets += bool(rising & 0x80)
             if self.resets >= self.needs_resets:
                 self.state, self.resets = "disabled", 0
+        elif self.stubborn and self.state == "enabled":
+            pass
         elif not word & 0x02:
             self.state = "disabled"
         elif not word & 0x04:

@@ -333,6 +333,15 @@ class Axis:
         words = ", ".join(f"{count} {word}" for count, word in reported if count)
         return f"{self.label}: TPDOs {words}" if words else ""
 
+    def too_short(self) -> str:
+        """Return what of its TPDOs were no samples, '' where none came too short."""
+        if not self.short:
+            return ""
+        return (
+            f"{self.label}: {self.short} TPDOs of fewer than {self._size} bytes, so with another "
+            "mapping than was set; look for a power dip, or another master that maps it"
+        )
+
     def witnessed(self) -> tuple[float, float]:
         """Return what the drive says of velocity and motor effort along the axis, from now on."""
         self.told.wanted = True

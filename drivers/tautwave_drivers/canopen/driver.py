@@ -259,9 +259,10 @@ class CanopenDriver(DriverBase):
 
     @property
     def misses(self) -> dict[str, str]:
-        """Return what kept samples away, by axis: a transmit queue that is full."""
-        why = self._health.stopped_by()
-        return {axis.spec.name: why for axis in self._axes if not axis.fresh} if why else {}
+        """Return what kept samples away, by axis: a full transmit queue, or TPDOs too short."""
+        full = self._health.stopped_by()
+        found = {axis.spec.name: full or axis.too_short() for axis in self._axes if not axis.fresh}
+        return {name: why for name, why in found.items() if why}
 
     def witness(self, name: str) -> tuple[float, float]:
         """Return what a drive says of velocity and motor effort, read from now on."""

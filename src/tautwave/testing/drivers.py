@@ -20,6 +20,7 @@ from tautwave.types import AxisCommand, CommandDelay, JointState
 
 PERIOD_NS = 1_000_000
 ENABLE_LIMIT = 5000  # cycles
+UNSAID = "the bench does not say how"
 
 
 class DriverBench(NamedTuple):
@@ -30,10 +31,11 @@ class DriverBench(NamedTuple):
     so that nothing the host sends arrives any more. Leave both out where no device outlives the
     host.
 
-    What else may happen to a device, each left out where it cannot: `forget(axis, span_ns)` takes
-    its power for so long, and with it what was set in it; `stick(axis)` has it answer and stay on,
-    whatever it is told; `spoil()` has each answer be another's, or to another question; `twin()`,
-    before `open`, puts a second device on the line that obeys the commands of the first axis.
+    What else may happen to a device, each the reason as text where it cannot: `forget(axis,
+    span_ns)` takes its power for so long, and with it what was set in it; `stick(axis)` has it
+    answer and stay on, whatever it is told; `spoil()` has each answer be another's, or to another
+    question; `twin()`, before `open`, puts a second device on the line that obeys the commands of
+    the first axis.
     """
 
     driver: Driver
@@ -43,10 +45,10 @@ class DriverBench(NamedTuple):
     position: Callable[[int], float]
     names: tuple[str, ...] = ()
     cut: Callable[[], None] | None = None
-    forget: Callable[[int, int], None] | None = None
-    stick: Callable[[int], None] | None = None
-    spoil: Callable[[], None] | None = None
-    twin: Callable[[], None] | None = None
+    forget: Callable[[int, int], None] | str = UNSAID
+    stick: Callable[[int], None] | str = UNSAID
+    spoil: Callable[[], None] | str = UNSAID
+    twin: Callable[[], None] | str = UNSAID
 
 
 def strike(clock: FakeClock, at_ns: int, blow: Callable[[], None]) -> None:
@@ -267,8 +269,8 @@ class DriverContract:
         self, bench: DriverBench, span_ms: int, count: int
     ) -> None:
         """Whenever its power goes and comes back, no device is taken for enabled that is not."""
-        if bench.forget is None:
-            pytest.skip("no device here can forget")
+        if isinstance(bench.forget, str):
+            pytest.skip(f"no device here can forget: {bench.forget}")
         enable(bench)
         bench.driver.close()
         began = bench.clock.now_ns()
@@ -283,7 +285,7 @@ class DriverContract:
     def _forgetting(self, bench: DriverBench, axis: int, after_ns: int, span_ns: int) -> bool:
         """Have a device forget; return whether that was told. It obeys at the end, or is off."""
         clock, forget = bench.clock, bench.forget
-        assert forget is not None
+        assert not isinstance(forget, str)
         at_ns = clock.now_ns() + after_ns
         strike(clock, at_ns, lambda: forget(axis, span_ns))
         told = False
@@ -310,8 +312,8 @@ class DriverContract:
     def test_a_device_that_does_not_switch_off_is_named_and_its_watchdog_stays_armed(
         self, bench: DriverBench
     ) -> None:
-        if bench.stick is None:
-            pytest.skip("no device here can stay on")
+        if isinstance(bench.stick, str):
+            pytest.skip(f"no device here can stay on: {bench.stick}")
         enable(bench)
         for _ in range(5):
             cycle(bench, push(bench, 0.5))
@@ -319,7 +321,9 @@ class DriverContract:
         name = bench.names[0]
         watchdog_s = bench.driver.watchdog_s.get(name)
         bench.driver.close()
-        assert set(bench.driver.unconfirmed) == {name}
+        # A driver that waited for its watchdog has seen it off.
+        off = not bench.driver.unconfirmed and bench.commanded(0) == 0.0
+        assert off or set(bench.driver.unconfirmed) == {name}
         if watchdog_s is not None:
             bench.clock.sleep_until(bench.clock.now_ns() + round(1e9 * watchdog_s) + 2 * PERIOD_NS)
             assert bench.commanded(0) == 0.0
@@ -327,8 +331,8 @@ class DriverContract:
     def test_somebody_elses_words_are_no_samples_and_are_told_from_silence(
         self, bench: DriverBench
     ) -> None:
-        if bench.spoil is None:
-            pytest.skip("no answer here can be another's")
+        if isinstance(bench.spoil, str):
+            pytest.skip(f"no answer here can be another's: {bench.spoil}")
         enable(bench)
         for _ in range(5):
             cycle(bench, push(bench, 0.1))
@@ -347,8 +351,8 @@ class DriverContract:
             assert bench.commanded(axis) == 0.0 or name in bench.driver.unconfirmed
 
     def test_a_command_that_reaches_two_devices_is_refused(self, bench: DriverBench) -> None:
-        if bench.twin is None:
-            pytest.skip("no command here can reach two devices")
+        if isinstance(bench.twin, str):
+            pytest.skip(f"no command here can reach two devices: {bench.twin}")
         bench.twin()
         with pytest.raises(DriverError):
             enable(bench)

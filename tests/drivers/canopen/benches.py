@@ -18,6 +18,7 @@ from tests.sim.truths import truth
 
 PERIOD_NS = 1_000_000
 EFFORT_LIMIT = 1.0
+FOREIGN = "of the foreign drives, which the same suite runs before"
 
 
 class Rig(NamedTuple):
@@ -183,4 +184,7 @@ def contract_bench(rig: Rig, causality: tuple[str, ...]) -> DriverBench:
         tuple(axis.name for axis in rig.bus.axes),
         cut,
         lambda axis, span_ns: devices[axis].power_on(FakeClock.now_ns(rig.clock), span_ns),
+        stick=FOREIGN,
+        spoil=FOREIGN,
+        twin=FOREIGN,
     )

@@ -26,6 +26,7 @@ class Foreign(NamedTuple):
     driver: CanopenDriver
     bus: ForeignBus
     clock: FakeClock
+    rate_hz: float
 
     @property
     def drive(self) -> ForeignDrive:
@@ -36,11 +37,11 @@ class Foreign(NamedTuple):
         for _ in range(most):
             if self.driver.enable_step():
                 return
-            self.clock.sleep_until(self.clock.now_ns() + round(1e9 / RATE_HZ))
+            self.clock.sleep_until(self.clock.now_ns() + round(1e9 / self.rate_hz))
         raise AssertionError("never enabled")
 
     def cycle(self, effort: float = 0.0, velocity: float = 0.0) -> list[JointState]:
-        begun, period = self.clock.now_ns(), round(1e9 / RATE_HZ)
+        begun, period = self.clock.now_ns(), round(1e9 / self.rate_hz)
         self.driver.request()
         states = list(self.driver.read(begun + period * 7 // 10))
         self.driver.write([AxisCommand(effort, velocity)] * len(self.bus.drives))
@@ -66,6 +67,7 @@ def foreign(
     options: dict[str, Any] | None = None,
     numbers: tuple[int, ...] = (1,),
     configure: bool = False,
+    rate_hz: float = RATE_HZ,
     **more: Any,
 ) -> Foreign:
     given = node(1, identity={"vendor": VENDOR, "product": PRODUCT}) | (first or {})
@@ -74,11 +76,11 @@ def foreign(
         AxisSpec(f"master.a{at}", at, "rotary", causality, EFFORT_LIMIT, VELOCITY_LIMIT)
         for at in numbers
     )
-    bus = BusSpec("can", axes, RATE_HZ, configure=configure)
+    bus = BusSpec("can", axes, rate_hz, configure=configure)
     clock = FakeClock()
     port = ForeignBus(clock, numbers, objects, **more)
     whole = driver_options(block(*nodes, **(options or {})))
-    return Foreign(CanopenDriver(whole, bus, clock, port), port, clock)
+    return Foreign(CanopenDriver(whole, bus, clock, port), port, clock, rate_hz)
 
 
 def remedies(sentence: str) -> list[str]:

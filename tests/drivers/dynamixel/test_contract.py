@@ -84,6 +84,7 @@ class TestDynamixel(DriverContract):
             lambda axis, span_ns: forget(made, axis, span_ns),
             lambda axis: stick(made, axis),
             lambda: spoil(made),
+            "of the foreign servos, which the same suite runs before",
         )
 
 

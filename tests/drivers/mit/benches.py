@@ -16,6 +16,7 @@ from tests.sim.truths import truth
 
 PERIOD_NS = 1_000_000
 RANGE = (-3.0, 3.0)
+FOREIGN = "of the foreign motors, which the same suite runs before"
 
 
 def motor(number: int, **more: Any) -> dict[str, Any]:
@@ -171,6 +172,7 @@ def contract_bench(rig: Rig) -> DriverBench:
         spoil,
         twin,
     )
+    ours = (FOREIGN,) * len(more)
     return DriverBench(
         rig.driver,
         rig.clock,
@@ -179,7 +181,7 @@ def contract_bench(rig: Rig) -> DriverBench:
         place,
         tuple(axis.name for axis in rig.bus.axes),
         cut,
-        *(more if here else ()),
+        *(more if here else ours),
     )
 
 

@@ -34,6 +34,11 @@ CASES: dict[str, dict[str, Any]] = {
     "rtu-cia402": {"axes": [spec(1)], "profile": "cia402", **FAST_RTU},
 }
 
+ONE_SERVER = (
+    "a connection reaches one server, which gives one answer to a request, also where it is a "
+    "gateway with two drives behind it"
+)
+
 
 def cut(made: Bench) -> None:
     made.world.bus.plan.request = lambda unit, t_ns: UNDISTURBED._replace(lost=True)
@@ -80,6 +85,7 @@ class TestModbus(DriverContract):
             lambda axis, span_ns: forget(made, axis, span_ns),
             lambda axis: stick(made, axis),
             lambda: spoil(made),
+            "of the foreign drives on a serial line",
         )
 
 
@@ -121,5 +127,5 @@ class TestForeignModbus(DriverContract):
             lambda axis, span_ns: drive(axis).cut_power(FakeClock.now_ns(made.clock), span_ns),
             lambda axis: setattr(drive(axis), "stubborn", 10**6),
             spoil,
-            None if request.param else lambda: setattr(line, "twin", Drive()),
+            ONE_SERVER if request.param else lambda: setattr(line, "twin", Drive()),
         )
