@@ -15,6 +15,7 @@ import numpy as np
 
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.html import file_stem, judged_banners, kept_picture, page, table
+from tautwave.report.run.complete import power_ratio, sensing_gap
 from tautwave.report.run.rebuild import element_books
 from tautwave.report.run.rundir import Run, kind_of, pair_settings
 from tautwave.report.run.tables import Table
@@ -121,7 +122,8 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
     below the reserves of both receivers if neither got what the other did not send. That takes both
     clocks together, so it is known to lie between two numbers, those of the offsets that what the
     sites saw of each other allows. `under_way_at_end` needs no clock: all that was sent in a
-    session less all that was received, the least of all sessions.
+    session less all that was received, the least of all sessions. `sensing_gap`: what noise and
+    steps of both encoders added to `entered` and `dissipated`, None where a site has hardware.
     """
     sessions = list(common_sessions(master, slave))
     pairs = {}
@@ -147,6 +149,10 @@ def joined_summary(master: Run, slave: Run) -> dict[str, Any]:
             "claimed": _sum(one.stated_debt for one in _motors((master, slave), pair)),
             "residual": sum(one["residual"] for one in books),
             "gross_flow": flow,
+            "sensing_gap": _sum(
+                sensing_gap(run, f"{side}.{pair}", _weight(run, side, pair))
+                for run, side in zip((master, slave), SIDES, strict=True)
+            ),
             "under_way_least": span or None,
             "under_way_at_end": min((one.at_end for one in known), default=None),
         }  # fmt: skip
@@ -191,6 +197,25 @@ def _books(run: Run, side: str, pair: str) -> dict[str, float]:
         "residual": float(np.max(np.abs(entered - stored - lost))),
         "gross_flow": float(read[names[1]][-1]),
     }
+
+
+def gap_remark(pair: str, books: dict[str, Any]) -> str:
+    """Return a sentence on dissipated energy that is negative by the encoders; empty otherwise."""
+    lost, gap = books["dissipated"], books["sensing_gap"]
+    if gap is None or lost >= 0.0 or gap > 0.5 * lost:
+        return ""
+    return (
+        f"{pair}: of {quantity(lost, 'J')} dissipated, {quantity(gap, 'J')} are the sensing "
+        "gap, noise of the encoders and no energy of the motors; without it "
+        f"{quantity(lost - gap, 'J')}."
+    )
+
+
+def _weight(run: Run, side: str, pair: str) -> float:
+    """Return the pair's energy per energy of one of its devices."""
+    return (
+        1.0 if side == "master" else 1.0 / power_ratio(run.summary.get("pairs", {}).get(pair, {}))
+    )
 
 
 def _motors(runs: tuple[Run, Run], pair: str) -> list[Motors]:
@@ -267,14 +292,17 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
             '<p class="note">Keys that must match on both sites differ in the summaries.</p>'
         )
     rows = []
+    remarks = []
     for pair, books in found["pairs"].items():
+        if remark := gap_remark(pair, books):
+            remarks.append(remark)
         unit, _ = axis_units(books["kind"])
         error = books["position_error"] or {}
         rows.append(
             (
                 pair, quantity(error.get("rms"), unit), quantity(error.get("max"), unit),
                 quantity(books["entered"], "J"), quantity(books["stored"], "J"),
-                quantity(books["dissipated"], "J"),
+                quantity(books["dissipated"], "J"), quantity(books["sensing_gap"], "J"),
                 quantity(books["given"], "J"), quantity(books["claimed"], "J"),
                 quantity(books["residual"], "J"),
                 ratio(books["residual"] / books["gross_flow"]) if books["gross_flow"] else "",
@@ -292,6 +320,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
                 "entered",
                 "stored",
                 "dissipated",
+                "sensing gap",
                 "supplied",
                 "claimed",
                 "residual",
@@ -300,14 +329,19 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
                 "at the end",
             ),
             tuple(rows),
-            "Entered: through both devices. Dissipated is negative where ports supplied more from "
-            "their reserves than they absorbed. Supplied: the maximum from both sites' motors, "
+            "Entered: through both devices, as their encoders see it. Dissipated is negative where "
+            "ports supplied more from their reserves than they absorbed, or where noise of the "
+            "encoders, met by an effort, looks like energy supplied. That share is the sensing "
+            "gap: what the books have beyond what the motors really took in, known where both "
+            "sites are simulated; no motor gave it. Supplied: the maximum from both sites' motors, "
             "and the prior claim. The residual is the largest energy that both accounts together "
             "did not explain. In transit: sent by one site and not yet received; its minimum is "
             "known only to within two values, because the clocks are not known better. The value "
             "at the end of a session needs no clock.",
         )
     )
+    for remark in remarks:
+        yield Markup('<p class="soft">{}</p>').format(remark)
     from tautwave.report.figures.joined import joined_figure
 
     sessions = list(common_sessions(master, slave))

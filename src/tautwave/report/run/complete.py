@@ -104,25 +104,16 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
     for pair, side in sides:
         axis = f"{side}.{pair}"
         weight = 1.0 if side == "master" else 1.0 / ratios.get(pair, 1.0)
-        sent = run.read(f"{axis}.port_energy").get(f"{axis}.port_energy")
         spread = run.read(f"{axis}.uncertainty").get(f"{axis}.uncertainty")
         if spread is not None and len(spread):
             uncertainty += float(spread[-1])
         balance = _plant_balance(run, axis)
-        motor = run.read(f"plant.{axis}.motor_work").get(f"plant.{axis}.motor_work")
-        if balance is None or sent is None or motor is None or not len(motor):
+        hidden = sensing_gap(run, axis, weight)
+        if balance is None or hidden is None:
             continue
         found = True
         residual += abs(weight * balance)
-        # Between its slots the truth of a slow axis is ahead of the controller's samples.
-        served = served_rows(run, axis)
-        sent = sent[served] if len(sent[served]) else sent
-        motor = motor[served] if len(motor[served]) else motor
-        believed = float(sent[-1] - sent[0])
-        carried = run.read(f"load.{axis}.energy").get(f"load.{axis}.energy")
-        if carried is not None and len(carried):
-            believed += weight * float(carried[-1] - carried[0])
-        gap[axis] = believed + weight * float(motor[-1] - motor[0])
+        gap[axis] = hidden
     for arm in [name.removesuffix(".work") for name in run.columns if _is_arm_work(name)]:
         found = True
         residual += _balance(run, {f"{arm}.{name}": sign for name, sign in _ARM.items()}) or 0.0
@@ -131,6 +122,33 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
         figures["plant_residual"] = residual
         figures["sensing_gap"] = sum(abs(value) for value in gap.values())
     return figures
+
+
+def sensing_gap(run: Run, axis: str, weight: float) -> float | None:
+    """Return what a port booked beyond what entered by the motor, None without its truth [J].
+
+    Parameters
+    ----------
+    run : Run
+        The run.
+    axis : str
+        Such as `slave.wrist`.
+    weight : float
+        Its pair's energy per energy of its own.
+    """
+    sent = run.read(f"{axis}.port_energy").get(f"{axis}.port_energy")
+    motor = run.read(f"plant.{axis}.motor_work").get(f"plant.{axis}.motor_work")
+    if sent is None or motor is None or not len(motor):
+        return None
+    # Between its slots the truth of a slow axis is ahead of the controller's samples.
+    served = served_rows(run, axis)
+    sent = sent[served] if len(sent[served]) else sent
+    motor = motor[served] if len(motor[served]) else motor
+    believed = float(sent[-1] - sent[0])
+    carried = run.read(f"load.{axis}.energy").get(f"load.{axis}.energy")
+    if carried is not None and len(carried):
+        believed += weight * float(carried[-1] - carried[0])
+    return believed + weight * float(motor[-1] - motor[0])
 
 
 def _is_arm_work(name: str) -> bool:
