@@ -61,7 +61,14 @@ def ends(
     )
     if friction > 0.0:
         found = recovery_params(
-            PERIOD, mass, delay=delay, friction=friction, noise=0.0, gap=1e-4, reserve=reserve
+            PERIOD,
+            mass,
+            delay=delay,
+            friction=friction,
+            noise=0.0,
+            quantum=0.0,
+            gap=1e-4,
+            reserve=reserve,
         )
         port = port._replace(recovery=found)
     return Ends(port, seen, delay)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -19,6 +20,7 @@ from tautwave.laws.port import (
     port_effort,
     port_rescale,
     recovery_friction,
+    recovery_params,
 )
 from tautwave.laws.ramp import ramp_params
 from tests.laws.ports import MASS, PERIOD, Attack, Ends, compiled, ends
@@ -429,3 +431,34 @@ def test_what_a_scale_takes_from_a_tank_is_booked_and_waves_stay_on_the_line(
     assert kept + lost == pytest.approx(ratio * account)
     # a device's wave is root(ratio) of the line's
     assert (gap / 2.0, filtered / 3.0) == pytest.approx((math.sqrt(ratio),) * 2)
+
+
+@pytest.mark.parametrize("pole", [0.5, 0.0, None])
+@pytest.mark.parametrize(("noise", "quantum"), [(1e-4, 0.0), (3e-5, 2e-4)])
+def test_friction_of_a_slow_lever_takes_whatever_its_noise(
+    pole: float | None, noise: float, quantum: float
+) -> None:
+    """Moved from the edge of a step, at up to thrice the velocity from which it has friction."""
+    end = ends(pole=pole)
+    found = recovery_params(
+        PERIOD, MASS, delay=0.0, friction=0.05, noise=noise, quantum=quantum, gap=1e-4,
+        reserve=end.port.reserve,
+    )  # fmt: skip
+    port = end.port._replace(recovery=found)
+    rng = np.random.default_rng(1)
+    taken = []
+    for share in (0.0, 0.5, 1.0, 1.5, 3.0):
+        moved = 0.5 * quantum + share * found.least * PERIOD * np.arange(1000)
+        read = moved + noise * rng.standard_normal(1000)
+        if quantum > 0.0:
+            read = quantum * np.floor(read / quantum + 0.5)
+        at, velocity, outside, smooth, sent, work = read[0], 0.0, 0.0, 0.0, 0.0, 0.0
+        for before, now in itertools.pairwise(read):
+            work += sent * (now - before)
+            at, velocity, outside = observe(end.observer, at, velocity, outside, now, 0.0, 1.0)
+            smooth += found.smoothing * (velocity - smooth)
+            coast = velocity + port.ahead * outside
+            sent = recovery_friction(port, 0.0, 1.0, smooth, coast, 0.0)
+        taken.append(work / (1000 * PERIOD))
+    assert min(taken) > -2e-4
+    assert taken[-1] > 2e-3

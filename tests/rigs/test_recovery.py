@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from tautwave.certificate import certify
 from tautwave.config import Rig, load_rig
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisState
@@ -189,6 +190,33 @@ def test_a_hand_at_rest_pays_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(port, "recovery_friction", without_friction)
     assert found.tanks[-1] == pytest.approx(played(rig, owes={1: 0.08}).tanks[-1], rel=0.05)
     assert np.abs(found.owed[-1]).max() > 0.07
+
+
+RATES = {"1 kHz": (1000.0, 1e-4), "400 Hz": (400.0, 3e-4)}
+"""Rate of the loop [Hz], and noise that is declared and true [rad]."""
+
+
+@pytest.mark.parametrize("kind", RATES)
+def test_noise_of_a_lever_at_rest_takes_nothing_by_friction(kind: str) -> None:
+    """Heavy levers on a light line: a friction on what noise feigns took five times the leak."""
+    rate, noise = RATES[kind]
+    inertia = "inertia={value: 6.5e-3, lower: 5.0e-3, source: test}"
+    sides = [
+        f"{side}.axes.lever.{key}"
+        for side in SIDES
+        for key in (inertia, f"position_noise={noise}", "velocity_limit=5")
+    ]
+    rest = "simulation.hand.lever.reference={type: hold, position: 0.0}"
+    rig = rig_of(
+        BENCH, rest, FREE, *sides, f"rate_hz={rate}", "duration_s=1.5",
+        "loop.missing_limit=2", "loop.overrun_limit=3",
+        *(f"simulation.axes.{side}.lever={{inertia: 6.0e-3, coulomb: 0.025}}" for side in SIDES),
+        "coupling={law: wave, pairs: {lever: {wave_impedance: 0.01, wave_filter_hz: auto}}}",
+    )  # fmt: skip
+    assert certify(rig).passed
+    found = played(rig, owes={0: 0.05, 1: -0.05})
+    full = found.tanks[ENGAGED - 1]
+    assert (found.tanks[ENGAGED:].min(axis=0) > -0.1 * full).all()
 
 
 SWUNG = "simulation.hand.lever.reference={type: multisine, components: [[3.0, 0.1, 0.0]]}"

@@ -41,7 +41,9 @@ in the tank of the end that owes: nothing is sent for it. The bound above does n
 sum holds for any effort F, and W counts the whole F_max whoever asks for it; so for any two times
 between which an end runs, too. The friction is planned to take only: it acts while the smoothed and
 the predicted velocity have the same sign, and where a prediction errs the tank pays as for any
-effort. While nothing moves, nothing is paid: a hand at rest leaves the leak alone to recover.
+effort. While nothing moves, nothing is paid: a hand at rest leaves the leak alone to recover. Nor
+may noise pass for motion: a friction that follows it takes more out of the tank than the leak
+gives, so it begins at the velocity that noise feigns in a period.
 
 The cap of the tank may not be raised meanwhile by what is owed. The whole run would keep its bound,
 but in a part of it an end could give out what it had taken before.
@@ -76,19 +78,20 @@ REPAID_SHARE = 0.1
 class RecoveryParams(NamedTuple):
     """Constants of the friction by which an emptied tank recovers, in the device's own units.
 
-    friction [N m or N] at most, 0 for none; slope [N m s/rad or N s/m] below that; smoothing of the
-    velocity [1]; share of it per gap [1/(W**0.5 s)]; need of it per energy below three quarters of
-    the reserve [1/J].
+    friction [N m or N] at most, 0 for none; slope [N m s/rad or N s/m] below that, from the least
+    velocity on [rad/s or m/s]; smoothing of the velocity [1]; share of it per gap [1/(W**0.5 s)];
+    need of it per energy below three quarters of the reserve [1/J].
     """
 
     friction: float
     slope: float
+    least: float
     smoothing: float
     share: float
     need: float
 
 
-NO_RECOVERY = RecoveryParams(0.0, 0.0, 1.0, 0.0, 0.0)
+NO_RECOVERY = RecoveryParams(0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 class PortParams(NamedTuple):
@@ -208,10 +211,16 @@ def recovery_params(
     delay: float,
     friction: float,
     noise: float,
+    quantum: float,
     gap: float,
     reserve: float,
 ) -> RecoveryParams:
     """Return the constants of the friction by which an emptied tank recovers.
+
+    Noise n opens the friction with the newest sample and is -n of the way in which it then acts, so
+    it takes up to 0.4 s a period of a friction that is open for half of them: less than the way at
+    a velocity s / T, from where the friction begins. An encoder that stands at the edge of a step q
+    reads no smoothed velocity beyond q over its time constant.
 
     Parameters
     ----------
@@ -221,8 +230,8 @@ def recovery_params(
         Command delay n in periods, with its fraction.
     friction : float
         The most that it may be [N m or N].
-    noise : float
-        What a sample may be off [rad or m]: on that, friction is not in full.
+    noise, quantum : float
+        Deviation s of a sample and encoder step q [rad or m].
     gap : float
         Wave integral from which on it is in full [W**0.5 s].
     reserve : float
@@ -230,9 +239,11 @@ def recovery_params(
     """
     time = max(RECOVERY_S, RECOVERY_PERIODS * (1.0 + delay) * period)
     slope = RECOVERY_SLOPE * mass / time
-    if noise > 0.0:
-        slope = min(slope, 0.5 * friction * time / noise)
-    return RecoveryParams(friction, slope, period / (period + time), 1.0 / gap, 4.0 / reserve)
+    if noise + quantum > 0.0:  # on that, friction is not in full
+        slope = min(slope, 0.5 * friction * time / (noise + quantum))
+    least = noise / period + quantum / time
+    smoothing = period / (period + time)
+    return RecoveryParams(friction, slope, least, smoothing, 1.0 / gap, 4.0 / reserve)
 
 
 def plain_drain(p: PortParams) -> float:
@@ -337,14 +348,15 @@ def recovery_friction(
     k = p.recovery
     need = 3.0 - k.need * account
     ahead = coast - p.half_mobility * effort
-    if need <= 0.0 or not smooth * ahead > 0.0:
+    moves = smooth - clamp(smooth, k.least)
+    if need <= 0.0 or not moves * ahead > 0.0:
         return 0.0
     share = k.share * math.fabs(gap)
     if share > 1.0:
         share = 1.0
     if need < 1.0:
         share = share * need
-    friction = share * clamp(k.slope * smooth, k.friction)
+    friction = share * clamp(k.slope * moves, k.friction)
     if p.slip != 0.0:
         room = 0.5 * ahead / p.slip - effort
         if room * ahead <= 0.0:

@@ -173,7 +173,8 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
                 axis.inertia,
                 delay=delay,
                 friction=recovery_limit(axis),
-                noise=axis.position_noise + axis.encoder_quantum,
+                noise=axis.position_noise,
+                quantum=axis.encoder_quantum,
                 gap=RECOVERED * port.root * axis.velocity_limit * axis.period,
                 reserve=reserve,
             )
