@@ -125,7 +125,14 @@ class CanopenDriver(DriverBase):
         from tautwave_drivers.canopen.setup.listening import refuse_another_master
 
         try:
-            refuse_another_master(port, self._clock, self._bus.name, self._axes, sync=self._sync)
+            refuse_another_master(
+                port,
+                self._clock,
+                self._bus.name,
+                self._axes,
+                master_id=self._options.master_id,
+                sync=self._sync,
+            )
         except BaseException:
             port.close()
             raise

@@ -27,6 +27,9 @@ SOFTWARE_VERSION = _entry(0x100A, 0, "STR", "software version", "", "by the manu
 STORE_ALL = _entry(0x1010, 1, "U32", "store parameters", "", "written 'save': stores everything")
 TIME_COB_ID = _entry(0x1012, 0, "U32", "TIME COB-ID", "", "bit 31: it listens, bit 30: it sends")
 EMCY_COB_ID = _entry(0x1014, 0, "U32", "EMCY COB-ID", "", "80h + node; bit 31: none is sent")
+EMCY_INHIBIT = _entry(
+    0x1015, 0, "U16", "EMCY inhibit time", "100 us", "minimum time between two of them"
+)
 CONSUMER_COUNT = _entry(0x1016, 0, "U8", "heartbeats watched", "", "entries of 1016h")
 CONSUMER_HEARTBEAT = _entry(
     0x1016, 1, "U32", "consumer heartbeat", "ms", "node << 16 | time; 0: monitors nothing"

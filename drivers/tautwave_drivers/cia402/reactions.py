@@ -49,6 +49,15 @@ def reaction_text(index: int, value: int) -> str:
     return f"on {occasion}: value {value} of {index:04X} is {whose}; see the drive's manual"
 
 
+NEXT = {1: 0x605E, 3: 0x605A}
+"""6007h to the option code that then says how the torque ends."""
+
+
+def is_standard(index: int, value: int) -> bool:
+    """Return whether CiA 402 says what `value` of an option code does."""
+    return index in REACTIONS and value in REACTIONS[index][1]
+
+
 def acts_on_loss(value: int) -> bool:
     """Return whether 6007h = `value` surely ends the torque when the bus is lost."""
     return value in (1, 2, 3)

@@ -81,9 +81,25 @@ def test_what_only_a_master_sends_refuses_the_bus(can_id: int, what: str) -> Non
         port = Heard(clock, can_id, clock.now_ns() + 1 + late)
         if what and (sync or can_id != 0x80):
             with pytest.raises(DriverError, match=f"bus can: another master sends {what}"):
-                refuse_another_master(port, clock, "can", driver._axes, sync=sync)
+                refuse_another_master(port, clock, "can", driver._axes, master_id=127, sync=sync)
         else:
-            refuse_another_master(port, clock, "can", driver._axes, sync=sync)
+            refuse_another_master(port, clock, "can", driver._axes, master_id=127, sync=sync)
+        assert not port.sent
+
+
+@pytest.mark.parametrize("master_id", [1, 100, 127])
+def test_a_device_with_the_id_of_this_master_refuses_the_bus(master_id: int) -> None:
+    clock = FakeClock()
+    driver = made(clock)
+    for number in (1, 100, 127):
+        port = Heard(clock, 0x700 + number, clock.now_ns() + 1)
+        if number == master_id:
+            with pytest.raises(DriverError, match=f"has the node id {number} of this master"):
+                refuse_another_master(
+                    port, clock, "can", driver._axes, master_id=master_id, sync=True
+                )
+        else:
+            refuse_another_master(port, clock, "can", driver._axes, master_id=master_id, sync=True)
         assert not port.sent
 
 

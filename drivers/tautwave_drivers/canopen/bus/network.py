@@ -350,7 +350,7 @@ class RemoteDrive:
                 ) from err
             raise BusTimeout(
                 f"{self.name} does not respond ({what} {entry.address} {entry.name}, "
-                f"{_RETRIES} times: {err}); check its power, node id, bit rate and "
-                f"termination, or raise sdo_timeout_s (now {self._timeout_s:g}) for a drive that "
-                "responds slowly"
+                f"{_RETRIES} times: {err}); check its power, node id (some wait for one by LSS), "
+                f"bit rate and termination, or raise sdo_timeout_s (now {self._timeout_s:g}) for a "
+                "drive that responds slowly"
             ) from err

@@ -36,6 +36,7 @@ from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others
 from tautwave_drivers.canopen.setup.settings import (
     check_identity,
     check_sync,
+    free_emergencies,
     limit_torque,
     not_stored,
     require,
@@ -142,6 +143,7 @@ def prepare(
     notes += check_meaning(drive, axis, options.master_id)
     _require_targets(drive, axis)
     notes += check_sync(drive)
+    notes += free_emergencies(drive)
     notes += set_period(drive, bus)
     notes += limit_torque(drive, axis)
     notes += set_watchdogs(drive, axis, options, allow_unwatched=bus.allow_unwatched)

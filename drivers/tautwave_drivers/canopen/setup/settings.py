@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -18,9 +18,11 @@ from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.aborts import abort_text
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.modes import Mode, mode_name, supported_text, supports
-from tautwave_drivers.cia402.reactions import acts_on_loss, reaction_text
+from tautwave_drivers.cia402.reactions import NEXT, acts_on_loss, is_standard, reaction_text
 
 CIA_402 = 0x0192
+KEPT_OPTIONS = (o.SHUTDOWN_OPTION, o.DISABLE_OPTION, o.HALT_OPTION, o.FAULT_OPTION)
+"""Reactions that stay the drive's own: none of our stops rests on them, but 6007h may."""
 _PRODUCER = 1 << 30
 
 
@@ -268,17 +270,26 @@ def set_watchdogs(
     quick = settle(drive, o.QUICK_STOP_OPTION, options.quick_stop_option)
     axis.machine = axis.new_machine(quick.value)
     notes = [each.text for each in (produced, heartbeat, deadline, reaction, quick)]
-    for entry, found in ((o.ABORT_CONNECTION, reaction), (o.QUICK_STOP_OPTION, quick)):
-        if found.value is not None:
-            notes.append(f"{drive.name}: {reaction_text(entry.index, found.value)}")
+    held = {entry.index: drive.find(entry) for entry in KEPT_OPTIONS}
+    held |= {
+        o.ABORT_CONNECTION.index: reaction.value,
+        o.QUICK_STOP_OPTION.index: quick.value,
+    }
+    for index, value in sorted(held.items()):
+        if value is not None:
+            notes.append(f"{drive.name}: {reaction_text(index, value)}")
     watches = heartbeat.value == consumer or bool(deadline.value)
     acts = reaction.value is not None and acts_on_loss(reaction.value)
+    unknown = _unknown_reaction(reaction.value, held, options)
+    acts = acts and not unknown
     if watches and acts and axis.watched:
         return notes
     lacking = []
     if not watches:
         lacking.append(f"{heartbeat.text}; {deadline.text}")
-    if not acts:
+    if unknown:
+        lacking.append(f"{reaction.text}, but {unknown} (abort_connection_option: 2 needs none)")
+    elif not acts:
         lacking.append(reaction.text)
     if not axis.watched:
         lacking.append(produced.text)
@@ -292,3 +303,32 @@ def set_watchdogs(
     if not (watches and acts):
         axis.unwatched = f"(node {axis.node.id}) keeps following its last command: {text}"
     return notes
+
+
+def _unknown_reaction(
+    loss: int | None, held: Mapping[int, int | None], options: CanopenOptions
+) -> str:
+    """Return what is not known of how 6007h = `loss` ends the torque, '' if all is.
+
+    A `quick_stop_option` of the manufacturer's is known to who stated it in the rig.
+    """
+    index = NEXT.get(loss or 0, 0)
+    value = held.get(index)
+    if value is None or is_standard(index, value):
+        return ""
+    if index == o.QUICK_STOP_OPTION.index and value == options.quick_stop_option:
+        return ""
+    return reaction_text(index, value)
+
+
+def free_emergencies(drive: RemoteDrive) -> list[str]:
+    """Let EMCYs come at once: what 1015h holds back may be what a drive stops for."""
+    if not drive.find(c.EMCY_INHIBIT):
+        return []
+    found = settle(drive, c.EMCY_INHIBIT, 0, Lasts.LOAN)
+    if not found.value:
+        return [found.text]
+    return [
+        f"{found.text}; warning: its errors may be told {found.value * 1e-4:g} s late, or not "
+        "at all: set 1015:00 to 0 with its tool"
+    ]
