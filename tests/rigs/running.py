@@ -79,6 +79,14 @@ def tree(*changes: Tree, base: Tree = BASE) -> Tree:
     return out
 
 
+def unfiltered(data: Tree) -> Tree:
+    """Return a rig whose wave lines have no filter, as the closed forms of a line have none."""
+    out = deepcopy(data)
+    for pair in out["coupling"]["pairs"].values():
+        pair["wave_filter_hz"] = None
+    return out
+
+
 class Plain(yaml.SafeDumper):
     """Writes everything out: rig files have no aliases."""
 

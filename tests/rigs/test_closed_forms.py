@@ -13,7 +13,7 @@ from tautwave.config import load_rig
 from tautwave.rig import Assembly, command_delays
 from tautwave.rig.controller import site_params
 from tautwave.session.facts import pair_facts
-from tests.rigs.running import Run, Tree, pair_of, rig_of, run_rig, tree
+from tests.rigs.running import Run, Tree, pair_of, rig_of, run_rig, tree, unfiltered
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 LOOSE = {"coupling.pairs.a.wave_impedance": 1e-14}
@@ -108,7 +108,7 @@ def staircase(samples: int, delay: int, slave_mass: float, **changes: object) ->
     def pull(built: Assembly) -> None:
         built.simulators[0].axes[0].physics.v = 0.1
 
-    return run_rig(data, change=pull)
+    return run_rig(unfiltered(data), change=pull)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
@@ -138,13 +138,14 @@ def test_delayed_line_against_a_clamp_is_a_staircase(samples: int, delay: int) -
 
 def _data(samples: int, delay: int) -> Tree:
     options = {"command_delay_s": delay * 1e-3}
-    return tree(
+    data = tree(
         {
             "coupling.delay_s": samples * 1e-3,
             "buses.hand.options": options,
             "buses.arm.options": options,
         }
     )
+    return unfiltered(data)
 
 
 def _delays(run: Run) -> dict[str, object]:

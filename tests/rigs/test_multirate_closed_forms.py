@@ -20,7 +20,7 @@ from tautwave.rig.controller import end_constants
 from tautwave.session import check
 from tautwave.sweep.predict import pair_mode
 from tests.rigs.closing import assert_passive, impedance, line, slow
-from tests.rigs.running import Tree, books, pair_of, rig_of, run_rig, tree
+from tests.rigs.running import Tree, books, pair_of, rig_of, run_rig, tree, unfiltered
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -80,6 +80,7 @@ def test_constant_force_passes_exactly_and_stands_off_by_f_tau_over_b(
             "simulation.environment.a": {"type": "spring", "stiffness": 300.0, "position": 0.0},
         },
     )  # fmt: skip
+    data = unfiltered(data)
     run, rig = run_rig(data), rig_of(data)
     sides = pair_of(run.assembly).axes
     # A port that is held still gives a share of the line's effort (facts: held_share).

@@ -77,7 +77,7 @@ class WavePair(Pair):
         json_schema_extra=tuned("engaged"),
         description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; "
         "null: none. auto: a tenth of the slower axis' rate, none if neither axis has "
-        "noise or an encoder step.",
+        "noise or an encoder step and the ports are certified without one.",
     )
     pole_master: Pole = Field(
         default=AUTO,
