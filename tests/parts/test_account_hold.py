@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.contracts import Row
+from tautwave.couplings.account.claim import held_facts
 from tautwave.errors import SafetyStop
 from tautwave.laws.account import AccountParams, lets_go
 from tautwave.rig import Assembly, build_rig
@@ -16,6 +18,7 @@ from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.commands import Script
 from tautwave.runtime.operate.operated import OperatedControl
 from tautwave.session.operating import with_operation
+from tautwave.simulation import stepper
 from tests.rigs.running import ListSink, Run, Tree, rig_of, tree
 from tests.session.sites import Pair
 
@@ -147,3 +150,27 @@ def test_a_site_whose_account_is_empty_ends_with_that_reason() -> None:
         assert two.slave.control.stopped
     finally:
         two.close()
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.5, 1.0, 2.0])
+def test_what_a_reserve_is_said_to_hold_at_rest_is_sent(
+    delay: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Axes that something holds apart, with exactly the reserve; `delay` in periods."""
+    late = {"options": {"command_delay_s": delay / 200.0}} if delay else {}
+    buses: Tree = {bus: {"driver": "loopback", **late} for bus in ("hand", "arm")}
+    data = pressing("position", {"simulation": {}, "buses": buses})
+    data["coupling"]["account"] = {"reserve": 2.0}
+    rig = rig_of(data)
+    known = declared_delays(rig)
+    said = [float(text.split("holds ")[1].split()[0]) for _, text in held_facts(rig, known)]
+    built = build_rig(rig, clock="fake", duration_s=1.0)
+    monkeypatch.setattr(stepper, "build_rig", lambda *_, **__: built)
+    with stepper.Stepper(rig, outside=("master", "slave")) as steps:
+        for k in range(150):
+            apart = 0.2 * min(1.0, k / 50.0)
+            sent = steps.step({"master.a": apart, "slave.a": -apart})
+            if k == 60:
+                for axis in built.control.axes:
+                    axis.end.account.funds = 2.0
+    assert [abs(sent["master.a"]), abs(sent["slave.a"])] == pytest.approx(said, rel=0.01)

@@ -42,7 +42,8 @@ An account that is nearly empty may not end a held force. Where the gate follows
 one sample, it follows its noise with a gain of m / T**2, far above any law's, and an effort that it
 cuts and lets through by turns moves the device: both take more than noise is given, and the force
 is gone in seconds. So the effort is also planned on a smoothed velocity, with a tenth of the funds:
-it then changes slowly, holds F with 10 F**2 M T, and what is given stays above what is taken.
+it then changes slowly, and what is given stays above what is taken. At rest it holds F with 20 (1 +
+n) F**2 M T: the gate expects the last command, and n under way, to move what something holds.
 
 Source: the account is that of passivity observers (Hannaford & Ryu 2002) and of energy tanks with
 level control (Franken and others 2011); gate, marks and bound are derived here.

@@ -47,7 +47,8 @@ def claimed_joules(rig: Rig, axis_name: str, delays: Delays) -> float:
 def held_facts(rig: Rig, delays: Delays) -> Iterator[tuple[str, str]]:
     """Yield for each axis what its account holds while nothing moves, and for how long.
 
-    A force F at rest needs F**2 T**2 / 2m of the funds that the gate plans with.
+    A force F at rest needs (1 + n) F**2 T**2 / m of the funds that the gate plans with: it expects
+    the last command and the n under way to move the device that something holds.
     """
     for axis_name, axis in rig.axes.items():
         known = coupled_axis(rig, axis_name, delays[axis_name])
@@ -55,7 +56,7 @@ def held_facts(rig: Rig, delays: Delays) -> Iterator[tuple[str, str]]:
         assert known.inertia is not None
         most = axis_allowance(rig, axis_name, delays[axis_name]).shared_effort
         planned = CALM_SHARE * account.share * account.reserve
-        force = math.sqrt(2.0 * known.inertia * planned) / known.period
+        force = math.sqrt(known.inertia * planned / (1 + known.delay)) / known.period
         unit = "N m" if axis.kind == "rotary" else "N"
         text = f"at rest its reserve of {joules(account.reserve)} holds "
         if force < most:
