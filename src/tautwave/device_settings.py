@@ -104,7 +104,8 @@ class DeviceSettings:
         Places of lasting settings that were changed, also where the device was lost before one
         was read back.
     held : dict
-        The settings made by `put` and `keep` that a device forgets when its power is off.
+        The settings made by `put` and `keep`, and those given to `hold`, that a device forgets
+        when its power is off.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class DeviceSettings:
         wanted = found.before & ~setting.mask | setting.wanted & setting.mask
         self._compare(setting, found.after, wanted)
         if found.before != wanted:
-            self._hold(setting._replace(wanted=wanted))
+            self.hold(setting._replace(wanted=wanted))
             change = _change(setting, found.before, wanted)
             self.notes.append(f"{self.where}: {change} written and read back")
 
@@ -205,9 +206,10 @@ class DeviceSettings:
         self._write(setting.place, setting.wanted)
         if setting.readable:
             self._compare(setting, self._read(setting.place), setting.wanted)
-            self._hold(setting)
+            self.hold(setting)
 
-    def _hold(self, setting: DeviceSetting) -> None:
+    def hold(self, setting: DeviceSetting) -> None:
+        """Have a setting that was made read once more by `forgotten`, if power takes it."""
         if setting.lasts is not Lasts.WRITTEN:
             self.held[setting.place] = setting
 

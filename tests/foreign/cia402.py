@@ -132,6 +132,8 @@ class ForeignDrive:
         """It never goes to OPERATION ENABLED; hears no SYNC; sends no heartbeat; nothing at all."""
         self.stubborn = False
         """Once enabled it stays so, whatever it is told; only its watchdog ends that."""
+        self.boots_unheard = self.starts_itself = False
+        """Its boot-up frame is lost; it goes to OPERATIONAL without being told (1F80h)."""
         self.warns_of = 0
         """An EMCY that it sends while it is switched on."""
         self.shows_mode = "always"
@@ -145,7 +147,13 @@ class ForeignDrive:
         self._now = self._beat_at = 0.0
         self._heard_at: float | None = None
         self._word = 0
-        self._send = lambda can_id, data: None if self.silent else send(can_id, data)
+
+        def out(can_id: int, data: bytes) -> None:
+            lost = self.boots_unheard and (can_id, bytes(data)) == (0x700 + number, b"\0")
+            if not self.silent and not lost:
+                send(can_id, data)
+
+        self._send = out
         network = Silent(lambda can_id, data: self._send(can_id, data))
         self.network = network
         self.node = network.add_node(canopen.LocalNode(number, self._dictionary()))
@@ -383,7 +391,7 @@ class ForeignDrive:
             if now < self._boots_at:
                 return
             self._boots_at = None
-            self.node.nmt.state = "PRE-OPERATIONAL"
+            self.node.nmt.state = "OPERATIONAL" if self.starts_itself else "PRE-OPERATIONAL"
             self._send(0x700 + self.number, b"\0")
         self.torque = self.commanded_torque() if self.state == "enabled" else 0.0
         if self.held:

@@ -14,11 +14,12 @@ from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.modes import Mode
-from tautwave_drivers.cia402.states import MODE_BIT_12
+from tautwave_drivers.cia402.states import MODE_BIT_12, State
 from tautwave_drivers.cia402.terms import Quirks, Timeouts
 from tautwave_drivers.cia402.units import INT16, INT32
 
 _HALF, _WHOLE = 1 << 31, 1 << 32
+_ON_THE_WAY = (State.READY, State.SWITCHED_ON, State.OPERATION_ENABLED)
 _floor = math.floor
 _finite = math.isfinite
 
@@ -138,6 +139,8 @@ class Axis:
         self._mode_sent = 0
         self.late = self.short = self.lost = self.lost_then = 0
         self.doubtful = False
+        self._gap = False
+        self._last_state = State.NOT_READY
         self._strict = False
         self._backlog = False
         self._candidate: tuple[bytes, int] | None = None
@@ -272,6 +275,19 @@ class Axis:
         if not machine.commanding:
             values[1] = 0
         self._collect_events()
+
+    def interrupted(self, cycle: int) -> bool:
+        """Return whether it is back after what may have been a power dip: a gap, or back at start.
+
+        Once it is enabled its state tells: no drive comes up enabled.
+        """
+        if not self.fresh:
+            self._gap = self._gap or cycle > 0
+            return False
+        state = self.machine.state
+        back = state is State.SWITCH_ON_DISABLED and self._last_state in _ON_THE_WAY
+        doubt, self._gap, self._last_state = self._gap or back, False, state
+        return doubt
 
     def _step(self, cycle: int) -> None:
         display = self.display if self._mode_known(cycle) else None

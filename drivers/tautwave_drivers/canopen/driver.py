@@ -180,6 +180,9 @@ class CanopenDriver(DriverBase):
             startup.step(exchange.cycle)
             axis.settle(exchange.cycle, exchange.sync_ns)
         self._raise_failures()
+        doubts = [axis.interrupted(exchange.cycle) for axis in self._axes]
+        if any(doubts) and not self._on:
+            self._read_back()
         done = all(startup.done for startup in self._startups)
         if not self._on:
             self._on = done
@@ -193,6 +196,20 @@ class CanopenDriver(DriverBase):
         exchange.begin()
         self._synced = True
         return done
+
+    def _read_back(self) -> None:
+        """Read once more what was set in every drive: one may have lost it with its power.
+
+        Raises
+        ------
+        DeviceFault
+            One has.
+        """
+        from tautwave_drivers.canopen.setup.settings import verify
+
+        if self._net is not None:
+            for drive in self._net.drives.values():
+                verify(drive)
 
     def _raise_failures(self) -> None:
         reported = [fault for axis in self._axes for fault in axis.errors]

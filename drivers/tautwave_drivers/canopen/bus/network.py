@@ -199,6 +199,8 @@ class RemoteDrive:
     ) -> None:
         self.node_id = node_id
         self.name = name
+        self.silences = 0
+        """Requests that got no response and were repeated."""
         self.settings = DeviceSettings(name, self.number, self.write, loans=loans)
         self._net = net
         self._node = net.add_node(canopen.RemoteNode(node_id, built_in_dictionary()))
@@ -328,6 +330,7 @@ class RemoteDrive:
                     self._node.sdo.RESPONSE_TIMEOUT = self._timeout_s
                     raise
                 self._responses.repeated = True
+                self.silences += 1
                 client = self._node.sdo
                 most = _SLOWEST * self._timeout_s
                 client.RESPONSE_TIMEOUT = min(2.0 * client.RESPONSE_TIMEOUT, most)

@@ -43,6 +43,7 @@ from tautwave_drivers.canopen.setup.settings import (
     set_period,
     set_watchdogs,
     store,
+    verify,
 )
 from tautwave_drivers.cia402 import communication as c
 from tautwave_drivers.cia402 import objects as o
@@ -108,6 +109,8 @@ def bring_up(
         if options.sync:
             notes += _measure_response_times(net, axes, arrivals, options, bus, clock)
         _check_restarts(axes, health)
+        for drive in drives:
+            verify(drive)
     except BaseException:  # a start that is refused, or ended by Ctrl-C, leaves nothing behind
         for drive in drives:
             drive.settings.give_back()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tautwave.contracts import BusSpec
 from tautwave.device_settings import DeviceSetting, Lasts, Settled
-from tautwave.errors import DeviceFault
+from tautwave.errors import BusTimeout, DeviceFault
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.bus.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.options import CanopenOptions
@@ -24,6 +24,7 @@ CIA_402 = 0x0192
 KEPT_OPTIONS = (o.SHUTDOWN_OPTION, o.DISABLE_OPTION, o.HALT_OPTION, o.FAULT_OPTION)
 """Reactions that stay the drive's own: none of our stops rests on them, but 6007h may."""
 _PRODUCER = 1 << 30
+VERIFIED_MOST = 10
 
 
 class Outcome(NamedTuple):
@@ -47,7 +48,10 @@ def settle(
     """
     what = f"{entry.address} {entry.name}"
     show = partial(_shown, entry)
-    found = drive.settings.settle(DeviceSetting(entry, what, wanted, lasts, idle=idle, show=show))
+    setting = DeviceSetting(entry, what, wanted, lasts, idle=idle, show=show)
+    found = drive.settings.settle(setting)
+    if found.after == wanted:
+        drive.settings.hold(setting)
     return Outcome(found.after, _text(drive, what, wanted, found, show))
 
 
@@ -67,6 +71,32 @@ def _text(
     if before == wanted:
         return f"{text}= {show(wanted)}, already set"
     return f"{text}= {show(wanted)} (was {show(before)}), read back"
+
+
+def verify(drive: RemoteDrive) -> None:
+    """Read once more what was set: the power may have been off meanwhile, with nothing heard of it.
+
+    Raises
+    ------
+    DeviceFault
+        The drive has forgotten.
+    BusTimeout
+        It does not respond, or not once to all that is read without a repeat.
+    """
+    for _ in range(VERIFIED_MOST):
+        silences = drive.silences
+        for setting, found in drive.settings.forgotten():
+            raise DeviceFault(
+                f"{drive.name}: {setting.name} reads {setting.show(found)} instead of "
+                f"{setting.show(setting.wanted)}: it restarted while it was set up or enabled, and "
+                "has forgotten what was set; check its supply, then run again"
+            )
+        if drive.silences == silences:  # else it may have restarted between two of them
+            return
+    raise BusTimeout(
+        f"{drive.name} left a request without a response in each of {VERIFIED_MOST} tries to read "
+        "its settings once more; check its supply, cable and termination"
+    )
 
 
 def store(drive: RemoteDrive) -> list[str]:
