@@ -115,7 +115,7 @@ def test_check_says_what_an_account_holds_and_for_how_long() -> None:
     account = end_constants(rig, "slave.a", command_delays(rig)["slave.a"]).account
     mass = rig.axes["slave.a"].inertia
     assert mass is not None
-    force = math.sqrt(0.2 * mass.lower * account.reserve) / T
+    force = math.sqrt(0.1 * mass.lower * account.reserve) / T
     text = said["held force at slave.a"]
     assert f"holds {min(force, rig.axes['slave.a'].effort_limit):.3g} N" in text
     assert text.endswith("for as long as the noise is no more than declared")
