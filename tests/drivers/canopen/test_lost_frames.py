@@ -104,8 +104,12 @@ def test_a_lost_tpdo_on_a_bus_that_has_become_slower_is_got_over(delay_s: float)
 
 
 def in_peace_then(**faults: float) -> Rig:
-    """A rig that was brought up before anything goes wrong."""
-    rig = started(with_faults())
+    """A rig that was brought up before anything goes wrong.
+
+    Its watchdogs wait for ten heartbeats, not for three: where every tenth frame is lost, two in a
+    row often are within a second, 60 ms pass without any, and a drive rightly stops.
+    """
+    rig = started(with_faults(heartbeat_timeout_ms=200))
     storm = make(with_faults(**faults), mass=0.1).world.world.plan
     rig.world.world.plan.__dict__.update(storm.__dict__)
     return rig
