@@ -7,15 +7,12 @@ is waited for: what is in it is stale, so nothing is added until it has drained.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from tautwave.contracts import Clock, FramePort
 from tautwave.errors import DriverError
 from tautwave_drivers.can.errors import error_text
 from tautwave_drivers.can.framing import ERROR_FRAME
-
-DEAD_CYCLES = 5
-"""Cycles with a full queue and nothing received that mean a dead bus."""
+from tautwave_drivers.can.full_queue import CHECK, FullQueue
 
 
 class Exchange:
@@ -29,6 +26,8 @@ class Exchange:
         What waits.
     take : callable
         Takes identifier, data and arrival [ns] of a data frame; True: an answer that was missing.
+    remedy : str
+        What to do about a queue that stays full.
 
     Attributes
     ----------
@@ -39,7 +38,11 @@ class Exchange:
     """
 
     def __init__(
-        self, port: FramePort, clock: Clock, take: Callable[[int, bytes, int], bool]
+        self,
+        port: FramePort,
+        clock: Clock,
+        take: Callable[[int, bytes, int], bool],
+        remedy: str = CHECK,
     ) -> None:
         self.port = port
         self._clock = clock
@@ -49,8 +52,8 @@ class Exchange:
         self.lost = ""
         self._reports: list[str] = []
         self._counts: dict[str, int] = {}
-        self._full_cycles = 0
-        self._received = self._received_then = 0
+        self._queue = FullQueue(remedy)
+        self._received = 0
 
     def begin(self) -> bool:
         """Take in what is left of the last cycle; return whether frames may be sent now."""
@@ -58,9 +61,12 @@ class Exchange:
         self.missing = 0  # what was left of the last cycle answers nothing of this one
         if self.lost:
             return False
-        if not self._full_cycles:
+        if not self._queue.cycles:
             return True
-        return self._drained()
+        drained = self._queue.drained(self.port, self._received)
+        if self._queue.dead:
+            self.lose(self._queue.dead)
+        return drained
 
     def send(self, can_id: int, data: bytes) -> bool:
         """Send a frame; False where it did not go out."""
@@ -68,28 +74,23 @@ class Exchange:
             return False
         try:
             if self.port.send(can_id, data):
-                if self._full_cycles:
-                    self._accepts_again()
+                if self._queue.cycles:
+                    self.report(self._queue.accepts_again())
                 return True
         except DriverError as err:
             self.lose(str(err))
             return False
-        self._refused()
+        self._queue.refused(self._received)
         return False
-
-    def _refused(self) -> None:
-        if not self._full_cycles:
-            self._full_cycles = 1
-            self._received_then = self._received
 
     def ask(self, requests: Sequence[tuple[int, bytes]]) -> None:
         """Send requests, each of which has one answer in this cycle."""
         send = self.port.send
         try:
-            if not self._full_cycles:
+            if not self._queue.cycles:
                 for can_id, data in requests:
                     if not send(can_id, data):
-                        self._refused()
+                        self._queue.refused(self._received)
                         return
                     self.missing += 1
                 return
@@ -156,25 +157,3 @@ class Exchange:
                 self.report(f"CAN: {text}")
         elif self._take(can_id, data, arrival_ns):
             self.missing -= 1
-
-    def _drained(self) -> bool:
-        """Return whether a full queue may accept frames again; called once a cycle while it is."""
-        self._full_cycles += 1
-        if self._received == self._received_then and self._full_cycles > DEAD_CYCLES:
-            self.lose(
-                f"CAN: dead bus: the transmit queue has been full for {self._full_cycles} cycles "
-                "and nothing is received; check cable, termination, power and bit rate"
-            )
-            return False
-        purge: Any = getattr(self.port, "purge", None)
-        if purge is not None:
-            purge()
-        pending: Any = getattr(self.port, "pending", None)
-        return pending is None or pending() == 0
-
-    def _accepts_again(self) -> None:
-        self.report(
-            f"CAN: congested: the transmit queue was full for {self._full_cycles} cycles; commands "
-            "were dropped meanwhile"
-        )
-        self._full_cycles = 0

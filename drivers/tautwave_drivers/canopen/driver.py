@@ -260,7 +260,7 @@ class CanopenDriver(DriverBase):
     def _take(self, commands: Sequence[AxisCommand]) -> None:
         """Send one RPDO per axis at once."""
         exchange = self._exchange
-        if exchange is None or self._health.full_cycles:
+        if exchange is None or self._health.queue.cycles:
             return
         for (axis, can_id), command in zip(self._rpdos, commands, strict=True):
             axis.set_target(command)
@@ -284,7 +284,7 @@ class CanopenDriver(DriverBase):
     @property
     def misses(self) -> dict[str, str]:
         """Return what kept samples away, by axis: a full transmit queue, or TPDOs too short."""
-        full = self._health.stopped_by()
+        full = self._health.queue.kept_away()
         found = {axis.spec.name: full or axis.too_short() for axis in self._axes if not axis.fresh}
         return {name: why for name, why in found.items() if why}
 
@@ -312,7 +312,7 @@ class CanopenDriver(DriverBase):
         if exchange is None or self._net is None:
             return
         health = self._health
-        health.full_cycles = 0
+        health.queue.cycles = 0
         for method in dict.fromkeys((self._options.stop, "disable_voltage")):
             for axis in self._axes:
                 axis.stop_drive(method)

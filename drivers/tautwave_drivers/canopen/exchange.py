@@ -74,7 +74,7 @@ class Exchange:
         except DriverError as err:
             self._health.lose(str(err))
             return False
-        self._health.refused()
+        self._health.queue.refused(self._health.received)
         return False
 
     def drain(self) -> None:
@@ -104,7 +104,7 @@ class Exchange:
         health = self._health
         self.missing = 0
         self.sync_ns = self._now()  # before SYNC is sent: TPDOs are matched to it by time
-        if health.lost or (health.full_cycles and not self._rearm()):
+        if health.lost or (health.queue.cycles and not self._rearm()):
             return
         if not self._sync:
             self.missing = sum(not axis.fresh for axis in self._axes)

@@ -6,12 +6,12 @@ Source: CiA 301 v4.2, 7.2.7 (EMCY) and 7.2.8 (NMT, heartbeat).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from tautwave.contracts import FramePort
 from tautwave.types import Fault
 from tautwave_drivers.can.errors import error_text
 from tautwave_drivers.can.framing import ERROR_FRAME
+from tautwave_drivers.can.full_queue import DEAD_CYCLES, FullQueue, queue_remedy
 from tautwave_drivers.canopen.axis import Axis
 from tautwave_drivers.canopen.enable_inputs import take_inputs
 from tautwave_drivers.canopen.options import CanopenOptions
@@ -22,8 +22,8 @@ BOOT_UP, OPERATIONAL = 0, 5
 NODE_STATES = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
 MANUFACTURERS = 0xFF00
 """EMCY codes from here on are the manufacturer's own (CiA 301, 7.2.7.1)."""
-DEAD_CYCLES, DEAD_BEATS = 5, 1.5
-"""Cycles and heartbeats with a full queue and nothing received that mean a dead bus."""
+DEAD_BEATS = 1.5
+"""Heartbeats with a full queue and nothing received that mean a dead bus."""
 
 
 def state_text(state: int | None) -> str:
@@ -33,18 +33,6 @@ def state_text(state: int | None) -> str:
     return NODE_STATES.get(state, f"state {state}")
 
 
-def queue_remedy(options: CanopenOptions) -> str:
-    """Return what to do about a transmit queue that is full."""
-    check = f"check cable, termination, power and bit rate (here {options.bitrate})"
-    if options.interface != "socketcan" or options.channel.startswith(("vcan", "vxcan")):
-        return check
-    where = options.channel
-    return (
-        f"{check}, and that it has room: ip link set {where} txqueuelen 100 (ip -details link show "
-        f"{where} has length and rate; ip link set {where} type can bitrate {options.bitrate})"
-    )
-
-
 class Health:
     """Watches one bus.
 
@@ -52,6 +40,8 @@ class Health:
     ----------
     running : bool
         Nodes have to be operational, and their heartbeats are watched.
+    queue : FullQueue
+        The queue of what is sent.
     lost : str
         Why the bus cannot be used any more, else ''.
     booted : set of int
@@ -62,11 +52,9 @@ class Health:
         self._options = options
         self._axes = {axis.node.id: axis for axis in axes}
         self._timeout_ns = options.heartbeat_timeout_ms * 1_000_000
-        # udp_multicast echoes what was sent.
-        self._sync_is_ours = options.sync and options.interface != "udp_multicast"
         self._window = max(2, round(1e9 / period_ns))
         beats = DEAD_BEATS * options.heartbeat_ms * 1e6 / period_ns
-        self._dead_cycles = max(DEAD_CYCLES, round(beats))
+        self.queue = FullQueue(queue_remedy(options), max(DEAD_CYCLES, round(beats)))
         self.reset()
 
     def reset(self) -> None:
@@ -77,8 +65,7 @@ class Health:
         self.states: dict[int, int] = {}
         self.booted: set[int] = set()
         self.received = 0
-        self.full_cycles = 0
-        self._received_then = 0
+        self.queue.reset()
         self._reported: dict[str, int] = {}
 
     def report(self, text: str, *, fatal: bool = False) -> None:
@@ -109,7 +96,7 @@ class Health:
             return
         axis = self._axes.get(can_id & 0x7F)
         if axis is None:
-            if can_id == SYNC_ID and self._sync_is_ours:
+            if can_id == SYNC_ID and self._options.sync:
                 self.report(
                     "CAN: another master is sending SYNC (80h) on this bus, and the drives "
                     "respond to it too; stop it, or give each master its own bus"
@@ -200,43 +187,13 @@ class Health:
 
     # -- a queue that is full -----------------------------------------------------------------
 
-    def refused(self) -> None:
-        """Count a frame that the full queue rejected."""
-        if not self.full_cycles:
-            self.full_cycles = 1
-            self._received_then = self.received
-
     def may_send(self, port: FramePort) -> bool:
-        """Return whether frames may be sent in this cycle; called once a cycle while full.
-
-        Congested: other nodes are heard, so the bus works and the queue will drain. Dead: none is.
-        """
-        self.full_cycles += 1
-        if self.received == self._received_then and self.full_cycles > self._dead_cycles:
-            self.lose(
-                f"CAN: dead bus: the transmit queue has been full for {self.full_cycles} cycles "
-                f"and nothing is received; {queue_remedy(self._options)}"
-            )
-            return False
-        purge: Any = getattr(port, "purge", None)
-        if purge is not None:
-            purge()
-        pending: Any = getattr(port, "pending", None)
-        return pending is None or pending() == 0
-
-    def stopped_by(self) -> str:
-        """Return what of the bus stopped its samples, '' where nothing did."""
-        if not self.full_cycles:
-            return ""
-        return (
-            f"the CAN transmit queue was full for {self.full_cycles} cycles; "
-            f"{queue_remedy(self._options)}"
-        )
+        """Return whether frames may be sent in this cycle; called once a cycle while it is full."""
+        drained = self.queue.drained(port, self.received)
+        if self.queue.dead:
+            self.lose(self.queue.dead)
+        return drained
 
     def rearmed(self) -> None:
         """Report that the queue accepts frames again."""
-        self.report(
-            f"CAN: congested: the transmit queue was full for {self.full_cycles} cycles; commands "
-            "were dropped meanwhile, and zero was sent before the next SYNC"
-        )
-        self.full_cycles = 0
+        self.report(f"{self.queue.accepts_again()}, and zero was sent before the next SYNC")

@@ -22,6 +22,7 @@ from tautwave.errors import DeviceFault, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.can.exchange import Exchange
 from tautwave_drivers.can.framing import Framing
+from tautwave_drivers.can.full_queue import queue_remedy
 from tautwave_drivers.can.opening import open_port
 from tautwave_drivers.can.raw import RawPort
 from tautwave_drivers.causes import wrong_text
@@ -161,7 +162,7 @@ class MitDriver(DriverBase):
             axis.reset()
         self._failure = None
         self._efforts = [0.0] * len(self._axes)
-        self._exchange = Exchange(port, self._clock, self._hear)
+        self._exchange = Exchange(port, self._clock, self._hear, queue_remedy(self._options))
 
     def attach(self, port: FramePort) -> None:
         """Take a port with motors taken for enabled, without a frame: to measure a cycle."""
@@ -331,7 +332,9 @@ class MitDriver(DriverBase):
         assert exchange is not None
         if exchange.lost and exchange.port is not self._transport:
             exchange.port.close()
-            self._exchange = exchange = Exchange(self._connect(), self._clock, self._hear)
+            self._exchange = exchange = Exchange(
+                self._connect(), self._clock, self._hear, queue_remedy(self._options)
+            )
         return exchange.port
 
     def _release(self) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from tautwave.clock import FakeClock
 from tautwave.errors import DriverError
-from tautwave_drivers.can.exchange import DEAD_CYCLES, Exchange
+from tautwave_drivers.can.exchange import Exchange
 from tautwave_drivers.can.framing import ERROR_FRAME
+from tautwave_drivers.can.full_queue import DEAD_CYCLES
 
 
 class Bus:

@@ -9,7 +9,8 @@ import pytest
 
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, Fault
-from tests.drivers.canopen.benches import Rig, block, make, node
+from tautwave_drivers.canopen.health import Health
+from tests.drivers.canopen.benches import Rig, block, driver_options, make, node
 from tests.drivers.canopen.faulty import AT_S, CYCLES, ENABLED, TORQUE, leave, started, with_faults
 
 
@@ -189,6 +190,18 @@ def test_the_sync_of_another_master_is_reported_and_stops_nothing() -> None:
     assert all("another master is sending SYNC" in text for text in texts)
     assert not any(fault.fatal for fault in reported)
     rig.driver.close()
+
+
+@pytest.mark.parametrize("interface", ["socketcan", "udp_multicast", "virtual"])
+@pytest.mark.parametrize("sync", [True, False])
+def test_sync_that_a_port_hears_is_never_its_own(interface: str, sync: bool) -> None:
+    """A port drops the echo of what it sent, so what comes is another's on any interface."""
+    options = driver_options(
+        block(node(1), interface=interface, sync=sync, rpdo="sync" if sync else "event")
+    )
+    health = Health(options, [], 2_000_000)
+    health.take(0x80, b"", 0)
+    assert any("another master is sending SYNC" in fault.text for fault in health.faults) == sync
 
 
 @pytest.mark.parametrize("can_id", [0x181, 0x081, 0x701, 0x581, 0x000, 0x7FF, 0x20000000, 0x1])

@@ -11,8 +11,8 @@ import pytest
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave_drivers.can.full_queue import queue_remedy
 from tautwave_drivers.can.opening import open_port
-from tautwave_drivers.canopen.health import queue_remedy
 from tautwave_drivers.canopen.scan import ScanOptions, look
 from tests.drivers.canopen.benches import block, driver_options, make, node
 from tests.drivers.canopen.foreign import Foreign, foreign

@@ -239,7 +239,8 @@ def test_a_queue_that_stays_full_is_a_dead_bus() -> None:
     rig.run(3)
     rig.line.send = lambda can_id, data: False
     _, faults = rig.run(12)
-    assert any("dead bus" in fault.text and fault.fatal for fault in faults)
+    (dead,) = [fault.text for fault in faults if "dead bus" in fault.text and fault.fatal]
+    assert "bit rate (here 1000000)" in dead
     rig.driver.close()
 
 

@@ -11,6 +11,7 @@ from contextlib import suppress
 from tautwave.contracts import BusSpec, Clock, FramePort
 from tautwave.device_settings import Lasts
 from tautwave.errors import BusTimeout, ConfigError, DeviceFault, DriverError
+from tautwave_drivers.can.full_queue import queue_remedy
 from tautwave_drivers.canopen.axis import Axis, ResponseTime
 from tautwave_drivers.canopen.bus.network import PolledNetwork, RemoteDrive
 from tautwave_drivers.canopen.files.belonging import (
@@ -26,7 +27,6 @@ from tautwave_drivers.canopen.health import (
     OPERATIONAL,
     SYNC_ID,
     Health,
-    queue_remedy,
     state_text,
 )
 from tautwave_drivers.canopen.mapping import RPDO_1, RPDO_2, TPDO_1, Layout, mappings_of
