@@ -223,6 +223,39 @@ def test_what_mends_an_interface_is_the_whole_command(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("waiting", "state", "said"),
+    [
+        (0, GOOD, ""),
+        (1, COSTS, "transmit queue not empty, frames waiting: 1"),
+        (99, COSTS, "transmit queue not empty, frames waiting: 99"),
+        (100, BARS, "transmit queue full, frames waiting: 100"),
+        (140, BARS, "transmit queue full, frames waiting: 140"),
+    ],
+)
+def test_a_transmit_queue_that_is_full_is_named(
+    tmp_path: Path, waiting: int, state: str, said: str
+) -> None:
+    known = {**details()("can0"), "queue": {"kind": "pfifo_fast", "qlen": waiting}}
+    found = list(wires.can_interface("can0", can(tmp_path), 1_000_000, lambda _: known))
+    assert found[0] == Finding("can0", GOOD, "up, 1000000 bit/s")
+    assert [(one.state, one.found) for one in found[1:]] == ([(state, said)] if waiting else [])
+    down = "sudo ip link set can0 down; sudo ip link set can0 up type can bitrate 1000000"
+    assert all(one.command.startswith(down) for one in found[1:])
+
+
+def test_what_waits_is_what_tc_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    printed = {"ip": '[{"ifname": "can0"}]', "tc": '[{"kind": "pfifo_fast", "qlen": 10}]'}
+    for name, text in printed.items():
+        command = tmp_path / name
+        command.write_text(f"#!/bin/sh\necho \"$*\" > '{tmp_path}/{name}.asked'\necho '{text}'\n")
+        command.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    queue = {"kind": "pfifo_fast", "qlen": 10}
+    assert wires.link_details("can0") == {"ifname": "can0", "queue": queue}
+    assert (tmp_path / "tc.asked").read_text() == "-statistics -json qdisc show dev can0\n"
+
+
 @pytest.mark.parametrize(("frames", "costs"), [("19", True), ("20", False)])
 def test_a_queue_holds_two_cycles_of_six_axes(tmp_path: Path, frames: str, costs: bool) -> None:
     found = list(wires.can_interface("can0", can(tmp_path, queue=frames), None, details()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,7 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
             f"sudo ip link set {channel} down; {up} restart-ms 100",
         )  # fmt: skip
     queue = _read(net / "tx_queue_len")
+    yield from _waiting(channel, details.get("queue", {}).get("qlen", 0), queue, up)
     if queue.isdigit() and int(queue) < LEAST_QUEUE:
         yield Finding(
             channel, COSTS, f"queue of {queue} frames",
@@ -100,9 +101,28 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
         yield Finding(channel, UNKNOWN, "queue length: not reported by the kernel")
 
 
+def _waiting(channel: str, frames: int, room: str, up: str) -> Iterator[Finding]:
+    """Say of frames in the transmit queue that they do not leave, or not yet."""
+    if not frames:
+        return
+    full = room.isdigit() and frames >= int(room)
+    yield Finding(
+        channel, BARS if full else COSTS,
+        f"transmit queue {'full' if full else 'not empty'}, frames waiting: {frames}",
+        "where nothing sends now, no node acknowledges: cable, power, bit rate",
+        f"sudo ip link set {channel} down; {up}   # drops them",
+    )  # fmt: skip
+
+
 def link_details(channel: str) -> Mapping[str, Any]:
-    """Return what `ip` knows of a CAN interface; {} where there is no `ip`."""
-    command: Sequence[str] = ("ip", "-details", "-json", "link", "show", channel)
+    """Return what `ip` knows of a CAN interface, and `tc` of its queue; {} where neither is."""
+    link = _first_object("ip", "-details", "-json", "link", "show", channel)
+    queue = _first_object("tc", "-statistics", "-json", "qdisc", "show", "dev", channel)
+    return {**link, "queue": queue} if queue else link
+
+
+def _first_object(*command: str) -> Mapping[str, Any]:
+    """Return the first object that a command prints as JSON; {} where it prints none."""
     try:
         done = subprocess.run(command, capture_output=True, timeout=5, check=True)
         found = parse_json(done.stdout.decode("utf-8", "replace"))
