@@ -23,6 +23,7 @@ from tautwave_drivers.modbus.line.client import Client, check_alone, check_echo
 from tautwave_drivers.modbus.line.links import Links
 from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.line.tcp import TcpLink
+from tautwave_drivers.modbus.listening import changed_by_others, commanded
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices
 from tautwave_drivers.modbus.station import MISSING, Station
 
@@ -109,26 +110,29 @@ class ModbusDriver(DriverBase):
         unwatched: dict[str, str] = {}
         settings: list[DeviceSettings] = []
         links = self._links = self._make_links()
+        clients: dict[Station, Client] = {}
         for link, stations in links.groups:
             links.connect(link)
             client = Client(link, self._clock, self._timeout_s)
+            clients |= dict.fromkeys(stations, client)
             if isinstance(link, RtuLink):
                 until = self._clock.now_ns() + round(1e9 * self._timeout_s)
                 check_echo(link, self._clock, stations[0], until, expected=self._options.echo)
                 for station in stations:
                     check_alone(link, self._clock, station, round(1e9 * self._timeout_s))
-            for station in stations:
-                bringup = Bringup(
-                    station, client, self._options, self._bus, self._clock, self.notes
-                )
-                bringup.run()
-                settings.append(bringup.settings)
-                name = station.device.axis.name
-                self.identities[name] = bringup.identity
-                if bringup.unwatched:
-                    unwatched[name] = bringup.unwatched
-                # It has confirmed that it is off.
-                self.unconfirmed.pop(name, None)
+        began = self._clock.now_ns()
+        before = {station: commanded(station, client) for station, client in clients.items()}
+        self._faults += changed_by_others(self._clock, clients, before, began)
+        for station, client in clients.items():
+            bringup = Bringup(station, client, self._options, self._bus, self._clock, self.notes)
+            bringup.run()
+            settings.append(bringup.settings)
+            name = station.device.axis.name
+            self.identities[name] = bringup.identity
+            if bringup.unwatched:
+                unwatched[name] = bringup.unwatched
+            # It has confirmed that it is off.
+            self.unconfirmed.pop(name, None)
         refuse_differences(self._bus, settings)
         self.notes += links.notes
         links.gather()
