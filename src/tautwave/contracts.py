@@ -124,10 +124,11 @@ class Driver(Protocol):
     """One bus and the axes on it. Times are ns, everything else SI.
 
     A driver may also be a `RowSource`, whose columns are recorded, and have `notes`, sentences on
-    what `open` found. `poll()`, if any, is called between `request` and `read` on a bus with a
-    divisor. `misses`: by axis without a sample, what came in its place. `dead_man`: `name` and
-    `held()` of inputs held while engaged. `identities`: by axis, as are (or by joint behind it) the
-    three on watchdogs: before `open` as the options have them.
+    what `open` found, and `warnings`, those to be read before torque. `poll()`, if any, is called
+    between `request` and `read` on a bus with a divisor. `misses`: by axis without a sample, what
+    came in its place. `dead_man`: `name` and `held()` of inputs held while engaged. `identities`:
+    by axis, as are (or by joint behind it) the three on watchdogs: before `open` as the options
+    have them.
     `witness(name)`: what an axis' device says beside its samples, velocity and motor effort along
     the axis, NaN where it says nothing; from the first call on it may ask for them on the bus.
     """

@@ -20,7 +20,7 @@ from tautwave.runtime.carrying.driver import CarryingDriver
 from tautwave.runtime.following import FollowingDriver
 from tautwave.session.identification.identifying import identify_device
 from tautwave.session.running import RunResult, run
-from tautwave.types import CommandDelay
+from tautwave.types import CommandDelay, Fault
 from tautwave.wrapper import DriverWrapper
 from tests.commands import keep_in_one_process
 
@@ -238,3 +238,23 @@ def test_a_driver_that_does_not_say_it_is_refused(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("tautwave.rig.assembly.load_driver", lambda name: old)
     with pytest.raises(ConfigError, match="does not say watchdog_s, unwatched, unconfirmed"):
         build_rig(load_rig(CONFIGS / "bench-1dof-loopback.yaml"), clock="fake")
+
+
+@pytest.mark.slow
+def test_what_a_driver_warns_of_is_said_before_anything_moves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sentence = "unit 2: target_torque 0 -> 3: another master or the panel writes to it"
+    begun: list[bool] = []
+
+    def changed(clock: Any, clients: Any, before: Any, since_ns: int) -> list[Fault]:
+        begun.append(any(station.on for station in clients))
+        return [Fault("slave.lever", sentence, False)]
+
+    monkeypatch.setattr("tautwave_drivers.modbus.driver.changed_by_others", changed)
+    result, said = moved(tmp_path, MODBUS[0])
+    assert result.exit_code == 0
+    assert said == [sentence]
+    assert begun == [False]
+    faults = json.loads((tmp_path / "out" / "summary.json").read_text())["faults"]
+    assert any(sentence in fault["text"] for fault in faults)

@@ -80,6 +80,7 @@ class ModbusDriver(DriverBase):
         self.stations: list[Station] = []
         self._links: Links | None = None
         self._enabling: Enabling | None = None
+        self.warnings: list[str] = []
         self.watchdog_s = {
             one.axis.name: one.profile.timeout_s(options.comm_timeout_s)
             for one in self._devices
@@ -122,7 +123,9 @@ class ModbusDriver(DriverBase):
                     check_alone(link, self._clock, station, round(1e9 * self._timeout_s))
         began = self._clock.now_ns()
         before = {station: commanded(station, client) for station, client in clients.items()}
-        self._faults += changed_by_others(self._clock, clients, before, began)
+        changed = list(changed_by_others(self._clock, clients, before, began))
+        self._faults += changed
+        self.warnings = [one.text for one in changed]
         for station, client in clients.items():
             bringup = Bringup(station, client, self._options, self._bus, self._clock, self.notes)
             bringup.run()

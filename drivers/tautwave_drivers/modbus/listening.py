@@ -11,13 +11,20 @@ from collections.abc import Iterator, Mapping
 from tautwave.contracts import Clock
 from tautwave.types import Fault
 from tautwave_drivers.modbus.line.client import Client
+from tautwave_drivers.modbus.profile import Role
 from tautwave_drivers.modbus.protocol import frames
 from tautwave_drivers.modbus.protocol.registers import Place
 from tautwave_drivers.modbus.station import Station
 
 LISTEN_NS = 100_000_000
 """A master that moves drives writes ten times a second at least."""
-MASTERS = ("command_effort", "command_velocity", "command_position", "mode", "control")
+MASTERS: tuple[Role, ...] = (
+    "command_effort",
+    "command_velocity",
+    "command_position",
+    "mode",
+    "control",
+)
 """Roles of what a drive is told; what it reports of itself changes anyway."""
 
 Values = Mapping[str, int]

@@ -288,6 +288,9 @@ def _opened(
     compare = comparing(rig, [bus for bus in assembly.buses if bus.name in real], warn)
 
     def opened() -> None:
+        for bus in assembly.buses:
+            for sentence in getattr(bus.driver, "warnings", ()):
+                warn(sentence)
         compare()
         unwatched()
 

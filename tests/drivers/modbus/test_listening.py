@@ -31,7 +31,8 @@ def opened(made: Bench) -> list[str]:
     made.driver.open()
     faults = made.faults()
     assert not any(fault.fatal for fault in faults)
-    return [fault.text for fault in faults]
+    assert made.driver.warnings == [fault.text for fault in faults]
+    return made.driver.warnings
 
 
 @pytest.mark.parametrize("line", [{}, FAST_RTU], ids=["tcp", "rtu"])
