@@ -148,6 +148,16 @@ def test_a_rig_is_examined_on_its_own_buses_only(tmp_path: Path) -> None:
     assert [one.what for one in wrong] == ["can0"]
 
 
+@pytest.mark.parametrize("channel", ["/dev/ttyUSB7", "/dev/ttyUSB7@115200"])
+def test_a_can_adapter_on_a_serial_port_is_examined_as_one(tmp_path: Path, channel: str) -> None:
+    timer = "sys/bus/usb-serial/devices/ttyUSB7/latency_timer"
+    put(put(tmp_path, "dev/ttyUSB7", ""), timer, "16")
+    text = RIG.replace("interface: socketcan", "interface: slcan")
+    rig = parse_rig(text.replace("channel: can0", f"channel: {channel}"), choose=False)
+    (slow,) = [one for one in examine(rig, tmp_path, details()) if one.what == "/dev/ttyUSB7"]
+    assert slow.command == f"echo 1 | sudo tee /{timer}"
+
+
 def test_the_command_says_what_bars_a_run_by_its_exit_code(tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text(RIG.replace("channel: can0", "channel: can77"))

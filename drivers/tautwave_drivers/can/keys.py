@@ -20,5 +20,7 @@ class CanKeys(BaseModel):
     """[bit/s] of the bus, that of arbitration with CAN FD."""
     data_bitrate: Annotated[int, Field(ge=10_000, le=8_000_000)] | None = None
     """[bit/s] of the data phase: all frames are CAN FD with rate switch; without it, classic."""
+    usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
+    """[s] How long a USB adapter keeps an answer; by `interface` and `channel` without it."""
     backend: Literal["auto", "python-can", "raw"] = "auto"
     """`raw` reads SocketCAN without python-can, which `auto` does where it can."""

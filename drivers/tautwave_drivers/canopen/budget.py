@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tautwave.contracts import Budget, BusSpec
+from tautwave_drivers.can.latency import latency_lines, latency_s
 from tautwave_drivers.can.lengths import arithmetic, frame_s
 from tautwave_drivers.canopen.mapping import mapping_of
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
@@ -19,11 +20,12 @@ def cycle_sizes(options: CanopenOptions, bus: BusSpec) -> tuple[list[int], list[
 
 
 def exchange_s(options: CanopenOptions, bus: BusSpec) -> float:
-    """Return the worst-case wire time of SYNC, all TPDOs and all RPDOs [s]."""
+    """Return the worst-case time of SYNC, all TPDOs and all RPDOs, through the adapter [s]."""
     rates = options.bitrate, options.data_bitrate
     rpdos, tpdos = cycle_sizes(options, bus)
     first = frame_s(0, *rates) if options.sync else 0.0
-    return first + sum(frame_s(size, *rates) for size in (*tpdos, *rpdos))
+    wire = first + sum(frame_s(size, *rates) for size in (*tpdos, *rpdos))
+    return wire + latency_s(options)
 
 
 def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
@@ -38,6 +40,7 @@ def budget(options: CanopenOptions, bus: BusSpec) -> Budget:
     for name, size in parts:
         lines.append(f"{name}: {arithmetic(size, bitrate, data)}")
     exchange = exchange_s(options, bus)
+    lines += latency_lines(options)
     lines.append(f"process data of one cycle: {_us(exchange)}")
     beats = len(bus.axes) + 1
     beat_share = beats * frame_s(1, bitrate, data) / (options.heartbeat_ms * 1e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tautwave.contracts import READ_SHARE, Budget, BusSpec
+from tautwave_drivers.can.latency import latency_lines, latency_s
 from tautwave_drivers.can.lengths import arithmetic, frame_s
 from tautwave_drivers.mit.options import MitOptions, motors_of
 
@@ -10,8 +11,9 @@ BYTES = 8
 
 
 def exchange_s(options: MitOptions, bus: BusSpec) -> float:
-    """Return the worst-case wire time of a cycle's frames [s]."""
-    return 2 * len(bus.axes) * frame_s(BYTES, options.bitrate, options.data_bitrate)
+    """Return the worst-case time of a cycle's frames, through the adapter [s]."""
+    wire = 2 * len(bus.axes) * frame_s(BYTES, options.bitrate, options.data_bitrate)
+    return wire + latency_s(options)
 
 
 def budget(options: MitOptions, bus: BusSpec) -> Budget:
@@ -26,6 +28,7 @@ def budget(options: MitOptions, bus: BusSpec) -> Budget:
         f"{kind}, {bitrate / 1e6:g} Mbit/s, 11-bit ids, worst-case stuffing",
         f"command or answer: {arithmetic(BYTES, bitrate, data)}",
         f"{len(bus.axes)} motors x 2 frames: {exchange * 1e6:.5g} us; a command is the request",
+        *latency_lines(options),
         f"all answers are in after {share:.0%} of a period: at most {greatest:.0f} Hz",
         f"at {bus.rate_hz:g} Hz: {exchange * bus.rate_hz:.0%} of the bus",
     ]

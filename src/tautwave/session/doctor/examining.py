@@ -38,5 +38,7 @@ def _of_rig(rig: Rig, root: Path, links: wires.Links) -> Iterator[Finding]:
         scheme, _, channel = endpoint.name.partition(":")
         if endpoint.name.startswith("/dev/"):
             yield from wires.serial_port(endpoint.name, root)
+        elif channel.startswith("/dev/"):  # a CAN adapter on a serial port
+            yield from wires.serial_port(channel.partition("@")[0], root)
         elif scheme == "socketcan":
             yield from wires.can_interface(channel, root, bus.options.get("bitrate"), links)
