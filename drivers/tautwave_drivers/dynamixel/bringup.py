@@ -113,8 +113,7 @@ class Bringup:
                 f"its id and baud rate with: tautwave scan dynamixel --port "
                 f"{self._options.port}"
             )
-        # Below level 2 it would not answer what follows.
-        self._line.write(servo.options.id, reg.STATUS_RETURN_LEVEL.address, b"\x02")
+        self._have_it_answer(servo)
         number = reg.MODEL_NUMBER.decode(found.data)
         firmware = found.data[2]
         if number != servo.model.number:
@@ -202,7 +201,7 @@ class Bringup:
             for _ in range(REBOOT_PINGS):
                 if self._line.ping(servo.options.id) is not None:
                     break
-            self._line.write(servo.options.id, reg.STATUS_RETURN_LEVEL.address, b"\x02")
+            self._have_it_answer(servo)
             self.notes.append(f"{self._where(servo)}: {fault}; rebooted")
             if not self._get(servo, reg.HARDWARE_ERROR) & ~tolerated:
                 return
@@ -447,6 +446,14 @@ class Bringup:
     def _put(self, servo: Servo, register: Register, value: int) -> None:
         """Write a register and read it back."""
         self._settings[servo.options.id].put(_setting(register, value))
+
+    def _have_it_answer(self, servo: Servo) -> None:
+        """Set the status return level: below 2 a servo answers no read, this one's own included.
+
+        `_prepare` reads it back.
+        """
+        setting = _setting(reg.STATUS_RETURN_LEVEL, 2)._replace(readable=False)
+        self._settings[servo.options.id].put(setting)
 
     def _write(self, servo: Servo, register: Register, value: int) -> None:
         # No response is not yet a failure: below status return level 2 writes have none.

@@ -236,7 +236,11 @@ class Bringup:
         }
 
     def _put(self, where: str, motor: Motor, register: Register, value: float) -> None:
-        """Set a register unless it is so, and read it back."""
+        """Set a register unless it is so, and read it back.
+
+        Apart from the ledger of settings: registers are numbers of both kinds, and a write is
+        repeated until it is read back, as frames get lost.
+        """
         if self._need(motor, register) == value:
             return
         found = self._registers.set(motor.id, motor.feedback_id, register, value)

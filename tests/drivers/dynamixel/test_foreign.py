@@ -94,6 +94,31 @@ def assert_safe(made: Rig, *, left: bool = True) -> None:
             assert not each.get(servo_line.TORQUE, 1)
 
 
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_a_servo_that_answers_less_is_told_to_answer_all(level: int) -> None:
+    made = rig({servo_line.LEVEL: (1, level)})
+    made.enable()
+    assert made.line.servos[0].get(servo_line.LEVEL, 1) == 2
+    made.driver.close()
+
+
+def test_a_servo_that_rejects_to_answer_all_is_refused_before_anything_else_is_written() -> None:
+    made = rig({})
+    (one,) = made.line.servos
+    taken: list[int] = []
+
+    def write(at: int, data: bytes) -> int:
+        if at == servo_line.LEVEL:
+            return servo_line.RANGE
+        taken.append(at)
+        return 0
+
+    one.write = write  # type: ignore[method-assign]
+    with pytest.raises(DriverError, match=r"status return level\(68\) rejects 2: .*range"):
+        made.driver.open()
+    assert not taken
+
+
 def test_it_runs_them() -> None:
     made = rig()
     assert whole_run(made, 200) == ""

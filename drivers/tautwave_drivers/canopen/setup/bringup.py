@@ -156,7 +156,7 @@ def prepare(
         if drive.find(target):
             remedy = "a leftover target would act as soon as the drive is enabled"
             require(drive, target, 0, remedy, Lasts.POWER)
-    drive.write(o.MODE, axis.mode)
+    drive.write(o.MODE, axis.mode)  # no setting: the cycle commands it, and 6061h shows it
     if axis.node.mode_display == "when_enabled":
         remedy = "6061h does not show its mode before it is enabled, and this does not either"
         require(drive, o.MODE, axis.mode, remedy, Lasts.POWER)

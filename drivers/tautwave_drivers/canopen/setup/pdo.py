@@ -1,5 +1,7 @@
 """PDO set-up of one drive by SDO: the mapping procedure, and reading all of it back.
 
+COB-ID, type and mapping are written apart from the ledger of settings: as one procedure, in which a
+value holds only with those after it, and is compared once all are written.
 Source: CiA 301 v4.2, 7.5.2.36 and 7.5.2.38: make the PDO invalid, set its type, its mapping count
 to 0, its entries, the count, then make it valid.
 """
