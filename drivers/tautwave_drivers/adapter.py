@@ -1,10 +1,8 @@
 """What stands between a serial device and the host: FTDI, another USB chip, CDC-ACM, a UART, a pty.
 
 By the device itself, wherever a name such as /dev/serial/by-id leads: sysfs tells its driver and
-whether it hangs on USB. FTDI hands bytes on when 62 have come or its latency timer runs out
-(ftdichip.com, AN232B-04), 16 ms unless set: every response waits for it. The other USB devices hand
-on what they have with the next frame of the bus, 1 ms at full speed (USB 2.0, 5.3). Linux shows
-and sets the timer in sysfs.
+whether it hangs on USB. With FTDI every response waits for the latency timer. The other USB devices
+hand on what they have with the next frame of the bus, 1 ms at full speed (USB 2.0, 5.3).
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ import os
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-SYSFS = Path("/sys")
+from tautwave.latency_timer import SYSFS, read_ms, timer_file
 
 USB_S = 0.001
 """[s] Latency timer of an FTDI adapter as it should be set, and a frame of the bus."""
@@ -30,10 +28,8 @@ class Adapter(NamedTuple):
     @property
     def found_s(self) -> float | None:
         """[s] The latency timer as it is; None without one."""
-        try:
-            return None if self.timer is None else int(self.timer.read_text()) * 1e-3
-        except (OSError, ValueError):
-            return None
+        found_ms = None if self.timer is None else read_ms(self.timer)
+        return None if found_ms is None else found_ms * 1e-3
 
     @property
     def latency_s(self) -> float:
@@ -52,8 +48,8 @@ def adapter_of(port: str) -> Adapter:
     name = os.path.basename(device)
     if device.startswith("/dev/pts/"):
         return Adapter("pty")
-    timer = SYSFS / "bus/usb-serial/devices" / name / "latency_timer"
-    if timer.is_file():
+    timer = timer_file(device, SYSFS)
+    if timer is not None:
         return Adapter("ftdi", timer)
     node = SYSFS / "class/tty" / name / "device"
     if node.exists():

@@ -16,6 +16,7 @@ from tautwave.config import parse_rig
 from tautwave.session.doctor import machine, wires
 from tautwave.session.doctor.examining import examine
 from tautwave.session.doctor.finding import BARS, COSTS, GOOD, UNKNOWN, Finding
+from tautwave_drivers import adapter
 
 CLOCK = "sys/devices/system/clocksource/clocksource0"
 CPU = "sys/devices/system/cpu"
@@ -97,6 +98,16 @@ def test_a_serial_port_is_there_open_and_quick(
     assert slow.command == f"echo 1 | sudo tee /{timer}"
     (quick,) = wires.serial_port("/dev/ttyUSB0", put(tmp_path, timer, "1"))
     assert quick.state == GOOD
+    link = tmp_path / "dev/serial/by-id/usb-FTDI_FT232R-if00-port0"
+    link.parent.mkdir(parents=True)
+    link.symlink_to("../../ttyUSB0")
+    put(tmp_path, timer, "5")
+    for port in ("/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI_FT232R-if00-port0"):
+        (named,) = wires.serial_port(port, tmp_path)
+        monkeypatch.setattr(adapter, "SYSFS", tmp_path / "sys")
+        of_the_driver = adapter.adapter_of(f"{tmp_path}{port}")
+        assert named.found == f"latency timer {1e3 * (of_the_driver.found_s or 0.0):g} ms"
+    put(tmp_path, timer, "1")
     monkeypatch.setattr(os, "access", lambda *_: False)
     barred, _ = wires.serial_port("/dev/ttyUSB0", tmp_path)
     assert barred.state == BARS

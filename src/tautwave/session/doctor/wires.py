@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.config.guard import parse_json
+from tautwave.latency_timer import read_ms, timer_file
 from tautwave.session.doctor.finding import BARS, COSTS, GOOD, UNKNOWN, Finding
 
 LONGEST_TIMER_MS = 1
@@ -45,16 +46,16 @@ def serial_port(port: str, root: Path) -> Iterator[Finding]:
             port, BARS, "no permission", "the run cannot open it",
             f"sudo usermod -aG {_group(path)} $USER   # then log in again",
         )  # fmt: skip
-    timer = root / "sys/bus/usb-serial/devices" / path.resolve().name / "latency_timer"
-    text = _read(timer)
-    if not text.isdigit():
+    timer = timer_file(path, root / "sys")
+    found_ms = None if timer is None else read_ms(timer)
+    if timer is None or found_ms is None:
         yield Finding(port, GOOD, "no latency timer")
-    elif int(text) <= LONGEST_TIMER_MS:
-        yield Finding(port, GOOD, f"latency timer {text} ms")
+    elif found_ms <= LONGEST_TIMER_MS:
+        yield Finding(port, GOOD, f"latency timer {found_ms} ms")
     else:
         yield Finding(
-            port, COSTS, f"latency timer {text} ms",
-            f"every exchange waits up to {text} ms for its last bytes",
+            port, COSTS, f"latency timer {found_ms} ms",
+            f"every exchange waits up to {found_ms} ms for its last bytes",
             f"echo 1 | sudo tee /{timer.relative_to(root)}",
         )  # fmt: skip
 
