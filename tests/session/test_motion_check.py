@@ -186,3 +186,22 @@ def test_a_rig_without_hardware_says_nothing(tmp_path: Path) -> None:
     heard: list[str] = []
     comparing(RIG.read_from(tmp_path / "rig.yaml"), [], heard.append)()
     assert heard == []
+
+
+class Untouched:
+    """Control that nobody may use."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise AssertionError(f"{name} of an axis that takes velocity")
+
+
+def test_an_axis_that_takes_velocity_is_not_pushed_and_it_is_said() -> None:
+    rig: Any = SimpleNamespace(axes={"slave.lever": SimpleNamespace(causality="admittance")})
+    control: Any = Untouched()
+    steps = motions(rig, ["slave.lever"], control)
+    with pytest.raises(StopIteration) as ended:
+        next(steps)
+    (check,) = ended.value.value
+    assert (check.stage, check.what, check.good) == ("motion", "slave.lever", True)
+    assert check.measured["pushed"] == "no, it takes velocity"
+    assert all(stage in check.measured["instead"] for stage in ("stage hand", "stage gentle"))

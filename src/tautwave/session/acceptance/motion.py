@@ -27,6 +27,9 @@ PAUSE_S = 0.3
 SEEN = 0.1
 """Share of the commanded effort below which a motor's own reading has no sign."""
 
+TAKES_VELOCITY = "no, it takes velocity"
+INSTEAD = "stage hand for the sign of its position, stage gentle for that of its velocity"
+
 
 class Pushed(NamedTuple):
     """A push one way: how far, how fast, and with what effort it went, along the push [SI].
@@ -45,14 +48,20 @@ class Pushed(NamedTuple):
 def motions(
     rig: Rig, axes: Sequence[str], control: GuidedControl
 ) -> Generator[None, None, list[Check]]:
-    """Push each axis both ways by at most 5 degrees (5 mm); compare all signs with the push."""
-    yield from control.ask(
-        f"each axis is pushed both ways by a degree or two (1 mm), with at most {MOST_SHARE:g} of "
-        "its effort limit; keep clear, then press Enter"
-    )
+    """Push each axis both ways by at most 5 degrees (5 mm); compare all signs with the push.
+
+    One that takes velocity cannot be pushed, and its check says what looks at its signs instead.
+    """
+    if any(rig.axes[name].causality == "impedance" for name in axes):
+        yield from control.ask(
+            "each axis that takes effort is pushed both ways by a degree or two (1 mm), with at "
+            f"most {MOST_SHARE:g} of its effort limit; keep clear, then press Enter"
+        )
     checks = []
     for name in axes:
         if rig.axes[name].causality != "impedance":
+            numbers: dict[str, float | str] = {"pushed": TAKES_VELOCITY, "instead": INSTEAD}
+            checks.append(Check("motion", name, numbers, "no push", True))
             continue
         for way, word in ((1.0, "forward"), (-1.0, "back")):
             pushed = yield from _push(rig.axes[name], name, way, control)
