@@ -33,7 +33,7 @@ from tautwave.session.devices import devices
 from tautwave.session.engine import compiled_devices, scene_devices, with_engine
 from tautwave.session.facts import pair_facts, summary_claims
 from tautwave.session.hooks import session_hooks
-from tautwave.session.keeping import run_directory
+from tautwave.session.keeping import run_directory, warn_of_little_room
 from tautwave.session.network import link_claims
 from tautwave.session.operating import (
     claimed_span,
@@ -316,6 +316,8 @@ def _move(
     TautwaveError, KeyboardInterrupt
         A bus was refused or a stop requested before all buses were open: nothing has moved.
     """
+    rows = rig.duration_s * rig.rate_hz
+    warn_of_little_room(directory, rows, len(assembly.columns), warn)
     recorder = Recorder(
         directory / "recording.mcap",
         assembly.columns,
