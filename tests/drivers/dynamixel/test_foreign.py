@@ -22,7 +22,7 @@ MS = 1_000_000
 DIPS = pytest.mark.parametrize(
     "dip_ms", [50, *(pytest.param(each, marks=pytest.mark.slow) for each in (500, 5000))]
 )
-EVERY = pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.slow)])
+EVERY = pytest.mark.parametrize("every", [12, pytest.param(1, marks=pytest.mark.slow)])
 """Which of the moments are tried."""
 
 
@@ -142,7 +142,7 @@ def instructions_of_bring_up() -> int:
     return made.line.instructions
 
 
-@pytest.mark.parametrize("status_block", [False, True])
+@pytest.mark.parametrize("status_block", [False, pytest.param(True, marks=pytest.mark.slow)])
 @DIPS
 @EVERY
 def test_a_power_cycle_at_each_moment_of_bring_up_is_refused_or_harmless(
@@ -163,7 +163,7 @@ def test_a_power_cycle_at_each_moment_of_bring_up_is_refused_or_harmless(
     assert refused * every > 10
 
 
-@pytest.mark.parametrize("rate_hz", [1000.0, 100.0, 20.0])
+@pytest.mark.parametrize("rate_hz", [1000.0, pytest.param(100.0, marks=pytest.mark.slow), 20.0])
 @pytest.mark.parametrize("status_block", [False, True])
 @DIPS
 @EVERY

@@ -236,7 +236,9 @@ def whole_run(made: Rig, cycles: int) -> str:
 
 
 @pytest.mark.parametrize("tcp", [True, False])
-@pytest.mark.parametrize("functions", [(3, 16), (3, 6, 16, 23)])
+@pytest.mark.parametrize(
+    "functions", [(3, 16), pytest.param((3, 6, 16, 23), marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(
     "dip_ms", [50, *(pytest.param(each, marks=pytest.mark.slow) for each in (500, 5000))]
 )
