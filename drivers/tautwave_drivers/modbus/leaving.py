@@ -20,6 +20,8 @@ from tautwave_drivers.modbus.station import Station
 
 RESPONSE_S, TRIES = 0.15, 2
 """Timeout of a response, and number of tries."""
+BUSY_S = 0.1
+"""How long a drive that says it is busy is asked again: each request keeps its own time-out fed."""
 OFF_S = 0.1
 """How long a motor may take to be off."""
 AGAIN_S = 0.5
@@ -34,7 +36,7 @@ def leave(links: Links, clock: Clock) -> dict[str, str]:
     doubtful: dict[str, str] = {}
     for link, stations in links.groups:
         link.abandon()
-        client = Client(link, clock, RESPONSE_S, TRIES)
+        client = Client(link, clock, RESPONSE_S, TRIES, BUSY_S)
         for station in stations:
             if station.procedure is not None:
                 why = _told(link, client, station, clock)
@@ -57,7 +59,7 @@ def leave_again(links: Links, clock: Clock, doubtful: Mapping[str, str]) -> dict
             link.drop("the connection is opened again")
         if link.lost:
             links.reach(link, (until - clock.now_ns()) * 1e-9)
-        client = Client(link, clock, RESPONSE_S, 1)
+        client = Client(link, clock, RESPONSE_S, 1, BUSY_S)
         for station in behind:
             if clock.now_ns() >= until:
                 break

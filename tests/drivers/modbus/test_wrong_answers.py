@@ -183,6 +183,21 @@ def test_a_drive_that_is_busy_for_ever_ends_bring_up(monkeypatch: pytest.MonkeyP
         made.driver.open()
 
 
+@pytest.mark.parametrize("code", [5, 6])
+def test_a_drive_that_is_busy_when_it_is_left_is_not_asked_for_long(
+    monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    """Each request keeps its own time-out fed, which alone can stop it."""
+    made = rig(monkeypatch, Drive(), Drive())
+    made.enable()
+    made.run()
+    made.line.refuse = lambda pdu: code
+    began = made.clock.now_ns()
+    made.driver.close()
+    assert made.clock.now_ns() - began < 2_000_000_000
+    assert len(made.driver.unconfirmed) == 2
+
+
 # -- units ---------------------------------------------------------------------------------
 
 

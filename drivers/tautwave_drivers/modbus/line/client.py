@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from tautwave.contracts import Clock
-from tautwave.errors import BusTimeout, DriverError
+from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave_drivers.modbus.line.link import Link
 from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.protocol.frames import REFUSED, Request, rtu_request, take_rtu
 from tautwave_drivers.modbus.protocol.transaction import Transaction
-from tautwave_drivers.modbus.sequence import Procedure, is_busy
+from tautwave_drivers.modbus.sequence import Procedure, is_busy, refusal
 from tautwave_drivers.modbus.station import Station
 
 TRIES = 5
@@ -117,13 +117,25 @@ class Client:
         Of a response.
     tries : int
         How often a request is sent.
+    busy_s : float, optional
+        How long a drive that says that it is busy is asked again, and no longer in a procedure.
+        Without it `BUSY_S`, and in a procedure for as long as its steps may take.
     """
 
-    def __init__(self, link: Link, clock: Clock, timeout_s: float, tries: int = TRIES) -> None:
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        timeout_s: float,
+        tries: int = TRIES,
+        busy_s: float | None = None,
+    ) -> None:
         self._link = link
         self._clock = clock
         self._timeout_ns = round(1e9 * timeout_s)
         self._tries = tries
+        self._busy_ns = round(1e9 * (BUSY_S if busy_s is None else busy_s))
+        self._gives_up = busy_s is not None
 
     def request(self, station: Station, request: Request) -> bytes:
         """Return the response, maybe an exception; a busy drive is asked again.
@@ -143,7 +155,7 @@ class Client:
                 pdu = request_once(self._link, clock, station.device.unit, request, until)
             except DriverError as err:
                 raise DriverError(f"{station.label}: {err}") from err
-            busy_until = clock.now_ns() + round(1e9 * BUSY_S)
+            busy_until = clock.now_ns() + self._busy_ns
             while pdu and is_busy(pdu) and clock.now_ns() < busy_until:
                 clock.sleep_until(clock.now_ns() + PAUSE_NS)
                 until = clock.now_ns() + self._timeout_ns
@@ -170,6 +182,9 @@ class Client:
         until = clock.now_ns() + round(1e9 * limit_s)
         while True:
             responses = [self.request(station, request) for request in procedure.requests()]
+            busy = next(filter(is_busy, responses), b"")
+            if busy and self._gives_up:
+                raise DeviceFault(f"{station.label}: {refusal(busy)} for as long as it was asked")
             procedure.take(responses)
             if procedure.done:
                 return
