@@ -172,7 +172,7 @@ LIGHT = (
 @pytest.mark.sparse(2)
 @pytest.mark.parametrize(
     ("changes", "at_s", "given_mj", "to_the_device_mj"),
-    [((), 0.648, 9.6, 7.6), ((f"{PAIR}.pole_slave=plain",), 0.629, 9.1, 8.2)],
+    [((), 0.648, 9.6, 7.6), ((f"{PAIR}.pole_slave=plain",), 0.628, 7.0, 6.1)],
     ids=["observed", "plain"],
 )
 def test_the_light_slave_is_refused_and_forced_it_stops_within_two_reserves(
@@ -189,10 +189,11 @@ def test_the_light_slave_is_refused_and_forced_it_stops_within_two_reserves(
     felt = -run.data[:, run.columns.index("slave.lever.port_energy")].min()
     assert (1e3 * given, 1e3 * felt) == pytest.approx((given_mj, to_the_device_mj), abs=0.05)
     # Every sample came, so nothing of what the claim allows to commands that act unseen: it takes
-    # the reserve, is owed as much again, and stops at the floor, but for a period of the stop.
+    # the reserve, is owed as much again, and stops at the floor, but for a period of the stop; less
+    # where the friction of an end that owes has paid.
     claim = claim_of(loaded, "slave.lever", command_delays(loaded))
     assert isinstance(claim, Claim)
-    assert 1.9 * claim.reserve < given < 2.05 * claim.reserve + claim.leak * at_s
+    assert 1.4 * claim.reserve < given < 2.05 * claim.reserve + claim.leak * at_s
 
 
 def test_without_a_velocity_limit_nothing_is_claimed() -> None:
