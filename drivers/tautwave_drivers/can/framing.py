@@ -62,7 +62,7 @@ class Echo:
     """Tells a port's own frames among those it hears, by content and count.
 
     An interface that returns what was sent returns each frame once. A frame with the content of one
-    that was sent, and not yet heard, is that one; the next of the same content is somebody else's.
+    that was sent, and not yet heard, is that one; the next of the same content is another node's.
     """
 
     def __init__(self) -> None:

@@ -86,7 +86,7 @@ class Bringup:
             if number is None and self._registers.read(motor.id, 0, damiao.ESC_ID) is not None:
                 raise DriverError(
                     f"{self._where(axis, motor)}: answers with id 0, where all new motors do, so "
-                    f"none can be told from another; set its MST_ID (register 7) to "
+                    f"none can be distinguished; set its MST_ID (register 7) to "
                     f"{motor.feedback_id:#x} in the maker's tool"
                 )
         if silent:

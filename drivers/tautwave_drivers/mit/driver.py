@@ -132,7 +132,7 @@ class MitDriver(DriverBase):
             self._shortest_ns = 0
             self.notes.append(
                 f"bus {self._bus.name}: answers come faster than the bit rate allows, so this is "
-                "not a real wire; late ones cannot be told apart"
+                "not a real wire; late ones cannot be distinguished"
             )
 
     def _classic(self, port: FramePort) -> None:

@@ -71,7 +71,7 @@ class Registers:
         BusTimeout
             The motor does not answer any more.
         DriverError
-            It is no number.
+            It is NaN or infinite.
         """
         value = self.read(motor_id, answer_id, register)
         if value is None:
@@ -81,8 +81,8 @@ class Registers:
             )
         if not math.isfinite(value):
             raise DriverError(
-                f"motor {motor_id}: {register} reads {value}, which is no number; set it again in "
-                "the maker's tool"
+                f"motor {motor_id}: {register} reads {value}, which is not a finite number; set it "
+                "again in the maker's tool"
             )
         return value
 
