@@ -1,4 +1,4 @@
-"""Opening what is named as a file: a pipe is not waited for, a device is not read for ever."""
+"""Opening what is named as a file: a pipe is not waited for, a device is not read without end."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ def in_seconds(
     path, column, times, stated
         As for `unit_of_times`.
     notes : list of str, optional
-        Gets a sentence where the unit is another than seconds and was told from the file. Without
+        Gets a sentence where the unit is another than seconds and is given by the file. Without
         a list nobody would hear of it, and such a unit has to be stated.
 
     Raises

@@ -247,7 +247,7 @@ def linear_lack(spring: Spring, damping: tuple[float, float] = (0.0, 0.0)) -> La
 def clipped_lack(spring: Spring, damping: tuple[float, float] = (0.0, 0.0)) -> float:
     """Return what devices lack for a spring, clipped anyhow [N m s/rad or N s/m].
 
-    The lesser of both bounds; infinite damping is not asked for. Its answers have an end.
+    The lesser of both bounds; infinite damping is left out. Its answers have an end.
     """
     needs = clipped_needs(spring)
     closed = needs.lack(*damping)
