@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections import deque
 from collections.abc import Collection
 from contextlib import suppress
 from typing import Any
@@ -145,31 +144,18 @@ class PythonCanPort:
 class PolledPort(PythonCanPort):
     """A python-can bus without a descriptor (virtual): a clock comes back to look at it."""
 
-    def __init__(
-        self,
-        bus: can.BusABC,
-        clock: Clock,
-        where: str,
-        framing: Framing = _CLASSIC,
-        echoes: bool = False,
-    ) -> None:
-        super().__init__(bus, clock, where, framing, echoes)
-        self._ahead: deque[tuple[int, bytes, int]] = deque()
+    _ahead: tuple[int, bytes, int] | None = None
+    """The frame that `readable` found."""
 
     def receive(self) -> tuple[int, bytes, int] | None:
         """As for every port."""
-        if self._ahead:
-            return self._ahead.popleft()
-        return super().receive()
+        frame, self._ahead = self._ahead, None
+        return frame or super().receive()
 
     def readable(self) -> bool:
         """Return whether there is something to read."""
-        if not self._ahead:
-            frame = super().receive()
-            if frame is None:
-                return False
-            self._ahead.append(frame)
-        return True
+        self._ahead = self._ahead or super().receive()
+        return self._ahead is not None
 
     def next_event_ns(self) -> int | None:
         """Return when to look again."""
@@ -207,7 +193,8 @@ def open_python_can(options: Any, clock: Clock, framing: Framing = _CLASSIC) -> 
         ) from err
     if options.interface == "udp_multicast":
         _only_its_group(bus)
-    return polled(bus, clock, where, framing, echoes=options.interface in _ECHOING)
+    echoes = options.interface in _ECHOING
+    return port_kind(bus)(bus, clock, where, framing, echoes)
 
 
 def _only_its_group(bus: can.BusABC) -> None:
@@ -220,17 +207,10 @@ def _only_its_group(bus: can.BusABC) -> None:
         port.setsockopt(kind, option, 0)
 
 
-def polled(
-    bus: can.BusABC,
-    clock: Clock,
-    where: str,
-    framing: Framing = _CLASSIC,
-    echoes: bool = False,
-) -> PythonCanPort:
-    """Return the port for an open bus, with or without a descriptor."""
+def port_kind(bus: can.BusABC) -> type[PythonCanPort]:
+    """Return the kind of port for an open bus: with or without a descriptor."""
     try:
         has_descriptor = bus.fileno() >= 0
     except (NotImplementedError, can.CanError):
         has_descriptor = False
-    kind = PythonCanPort if has_descriptor else PolledPort
-    return kind(bus, clock, where, framing, echoes)
+    return PythonCanPort if has_descriptor else PolledPort

@@ -16,7 +16,7 @@ from tautwave.contracts import Clock, CycleCost, FramePort
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand
 from tautwave_drivers.can.ends import BusEnd, End, SocketEnd
-from tautwave_drivers.can.python_can import polled
+from tautwave_drivers.can.python_can import port_kind
 from tautwave_drivers.can.raw import RawPort
 from tautwave_drivers.canopen.driver import CanopenDriver
 from tautwave_drivers.canopen.health import SYNC_ID
@@ -114,7 +114,7 @@ def measure(cycles: int) -> Sequence[CycleCost]:
         buses = [BusEnd(f"{CHANNEL}-{at // 2}") for at in range(4)]
         for bus in buses:
             stack.callback(bus.close)
-        driver = _driver(clock, polled(buses[0].bus, clock, "bench"))
+        driver = _driver(clock, port_kind(buses[0].bus)(buses[0].bus, clock, "bench"))
         virtual = in_turn(
             cycles, enabled_cycle(driver, clock, buses[1]), bare_cycle(buses[2], buses[3]), IN_TURN
         )

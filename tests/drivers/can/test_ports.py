@@ -22,7 +22,7 @@ from tautwave_drivers.can.python_can import (
     PolledPort,
     PythonCanPort,
     open_python_can,
-    polled,
+    port_kind,
 )
 from tautwave_drivers.can.raw import RawPort, filters
 from tests.drivers.canopen.benches import block, driver_options, node
@@ -132,7 +132,7 @@ def test_what_waits_in_a_queue_is_counted_where_the_kernel_tells(
 def virtual() -> Iterator[tuple[PythonCanPort, Any]]:
     with can.Bus(interface="virtual", channel="frames") as other:
         bus = can.Bus(interface="virtual", channel="frames")
-        port = polled(bus, MonotonicClock(), "virtual:frames")
+        port = port_kind(bus)(bus, MonotonicClock(), "virtual:frames")
         yield port, other
         port.close()
 
@@ -378,7 +378,7 @@ def test_frames_of_all_kinds_pass_python_cans_virtual_bus(fd: bool) -> None:
     framing = Framing(data_bitrate=5_000_000 if fd else None, extended=True)
     with can.Bus(interface="virtual", channel="kinds") as other:
         bus = can.Bus(interface="virtual", channel="kinds")
-        port = polled(bus, FakeClock(), "virtual:kinds", framing)
+        port = port_kind(bus)(bus, FakeClock(), "virtual:kinds", framing)
         assert port.send(EXTENDED | 0x1800FD01, bytes(8))
         message = other.recv(0)
         assert message.arbitration_id == 0x1800FD01

@@ -17,7 +17,7 @@ from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.contracts import BusSpec
 from tautwave.types import AxisCommand
-from tautwave_drivers.can.python_can import PolledPort, polled
+from tautwave_drivers.can.python_can import PolledPort, port_kind
 from tautwave_drivers.canopen import plugin
 from tautwave_drivers.canopen.scan import ScanOptions, look
 from tests.drivers.canopen.benches import block, bus_of, driver_options, node
@@ -197,7 +197,7 @@ def test_scan_lists_local_nodes(drives: list[Drive]) -> None:
     drives[1].node.sdo[0x603F].raw = 0x2310
     clock = MonotonicClock()
     bus = can.Bus(interface="virtual", channel=CHANNEL)
-    port = polled(bus, clock, "virtual")
+    port = port_kind(bus)(bus, clock, "virtual")
     assert isinstance(port, PolledPort)
     try:
         rows = look(port, clock, ScanOptions(interface="virtual", channel=CHANNEL, listen_s=0.3))
@@ -215,7 +215,7 @@ def test_scan_lists_local_nodes(drives: list[Drive]) -> None:
 def test_a_bus_without_a_descriptor_is_looked_at_every_200_us_and_keeps_what_it_saw() -> None:
     clock = FakeClock()
     bus, other = (can.Bus(interface="virtual", channel="polled") for _ in range(2))
-    port = polled(bus, clock, "virtual")
+    port = port_kind(bus)(bus, clock, "virtual")
     try:
         assert port.next_event_ns() == clock.now_ns() + 200_000
         assert not port.readable()
