@@ -78,6 +78,7 @@ class Servo:
         self.deaf = False
         self.limp_goals = 0
         self.unguarded = False
+        self.came_on_unwatched = False
         self.start()
 
     def put(self, address: int, size: int, value: int) -> None:
@@ -147,6 +148,8 @@ class Servo:
             return RANGE
         if address == GOAL_CURRENT and not self.get(TORQUE, 1) and any(data):
             self.limp_goals += 1
+        if address == TORQUE and data[0] and self.get(WATCHDOG, 1) == 0:
+            self.came_on_unwatched = True
         self.memory[address : address + len(data)] = data
         if address < TORQUE:
             self.eeprom[address] = (len(data), int.from_bytes(data, "little"))

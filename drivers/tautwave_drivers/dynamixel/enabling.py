@@ -1,4 +1,7 @@
-"""Verifying that torque is on and stays on, servo by servo, without ever waiting."""
+"""Switching torque on and verifying that it is and stays on, servo by servo.
+
+A step waits only for an answer that would be too old by the next one, as on a slow bus.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from tautwave.contracts import BusSpec, BytePort, Clock
 from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.dynamixel.options import Servo
 from tautwave_drivers.dynamixel.protocol import packet
+from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text
 from tautwave_drivers.dynamixel.state import (
     FORGETS_NS,
@@ -15,6 +19,7 @@ from tautwave_drivers.dynamixel.state import (
     Errors,
     state_fault,
     state_register,
+    watchdog_fault,
 )
 
 AGAIN_NS = 30_000_000
@@ -24,12 +29,13 @@ LEAST_PERIODS = 2
 
 
 class Enabling:
-    """Reads from one servo after the other whether its torque, just switched on, is on.
+    """Switches on one servo after the other, and reads whether its torque is on.
 
-    Before each read `torque_on` goes out to those that have not confirmed yet, whose packet may
-    have been lost; never to one that has, which by now may have forgotten its limits and watchdog.
-    While other buses are enabled it goes on reading, so that none forgets unseen. Nothing is
-    pending when `step` returns True: the loop's first request collides with no response.
+    `torque_on` goes out only to one that has just said that it is off and its bus watchdog armed:
+    one that was switched off and on would come on unwatched. It is repeated only after another such
+    answer, and never to one that has confirmed. While other buses are enabled it goes on reading,
+    so that none forgets unseen. Nothing is pending when `step` returns True: the loop's first
+    request collides with no response.
 
     Parameters
     ----------
@@ -72,11 +78,13 @@ class Enabling:
         self._pending = False
         self._tries = 0
         self._on = [False] * len(servos)
+        self._armed_off_ns = 0
+        """When the servo at `_at` was asked for the answer that it is off and armed; 0: not."""
         self.verified_ns = [0] * len(servos)
         """When each servo was last asked for what it then confirmed."""
         least_ns = LEAST_PERIODS * bus.period_ns
         self._interval_ns = max(FORGETS_NS // max(len(servos), 1), least_ns)
-        port.write(feed + torque_on([servo.options.id for servo in servos]))
+        port.write(feed)
 
     def step(self) -> bool:
         """Do one step; return whether every servo has confirmed that it is on.
@@ -88,21 +96,34 @@ class Enabling:
         DriverError
             A servo does not respond, or stays off.
         """
-        self._buffer += self._port.read()
         was_pending = self._pending
-        while (found := packet.take_packet(self._buffer)) is not None:
-            self._receive(found)
+        self._take_in()
         now = self._clock.now_ns()
         if self._pending and now - self._sent_ns <= AGAIN_NS:
             return False
         settled = all(self._on) and not self._pending
         if not settled or (not was_pending and now - self._sent_ns > self._interval_ns):
+            late = self._armed_off_ns and now - self._armed_off_ns > FORGETS_NS
             self._send(now)
+            if late:  # the next step would be, too
+                self._await(now + FORGETS_NS)
             return False
         if now - self._fed_ns > self._feed_ns:
             self._port.write(self._feed)
             self._fed_ns = now
         return True
+
+    def _await(self, until_ns: int) -> None:
+        """Wait for the answer; switch on the one that says that it is off and armed."""
+        while self._pending and self._clock.wait(self._port, until_ns):
+            self._take_in()
+        if self._armed_off_ns:
+            self._send(self._clock.now_ns())
+
+    def _take_in(self) -> None:
+        self._buffer += self._port.read()
+        while (found := packet.take_packet(self._buffer)) is not None:
+            self._receive(found)
 
     def _receive(self, found: packet.Packet) -> None:
         servo, armed = self._servos[self._at], self._armed[self._at]
@@ -118,7 +139,12 @@ class Enabling:
                 text = hardware_text(error, errors.shutdown)
                 raise DeviceFault(f"{self._where(servo)}: {text}")
             if not found.data[0]:
-                return  # asked again
+                watchdog = reg.BUS_WATCHDOG.decode(found.data[-1:])
+                text = "" if armed is None else watchdog_fault(watchdog, armed)
+                if text:
+                    raise DeviceFault(f"{self._where(servo)}: {text}")
+                self._armed_off_ns = self._sent_ns
+                return  # switched on, and asked again
         text = state_fault(found.data, armed, self._errors[self._at])
         if text:
             raise DeviceFault(f"{self._where(servo)}: {text}")
@@ -135,8 +161,10 @@ class Enabling:
                 f"{self._where(servo)}: torque does not switch on, or it stopped answering; check "
                 "its power and cable"
             )
-        off = [one.options.id for one, on in zip(self._servos, self._on, strict=True) if not on]
-        orders = self._feed + self._torque_on(off) if off else self._feed
+        orders = self._feed
+        if self._armed_off_ns and now_ns - self._armed_off_ns <= FORGETS_NS:
+            orders += self._torque_on([servo.options.id])
+        self._armed_off_ns = 0
         state = state_register(self._armed[self._at])
         read = packet.read_packet(servo.options.id, state.address, state.size)
         self._port.write(orders + read)

@@ -90,6 +90,7 @@ def assert_safe(made: Rig, *, left: bool = True) -> None:
     """What the devices themselves saw: none was driven without its watchdog, none is left on."""
     for each in made.line.servos:
         assert not each.unguarded
+        assert not each.came_on_unwatched
         if left and made.driver.unconfirmed == {}:
             assert not each.get(servo_line.TORQUE, 1)
 
@@ -161,6 +162,52 @@ def test_a_power_cycle_at_each_moment_of_bring_up_is_refused_or_harmless(
         if not ended:
             assert victim.turn > 2048.0, "it was driven to the end"
     assert refused * every > 10
+
+
+@pytest.mark.parametrize("rate_hz", [1000.0, 100.0, 50.0, 20.0])
+@pytest.mark.parametrize("dip_ms", [21, 50, 80])
+def test_a_servo_that_comes_back_while_torque_is_switched_on_does_not_come_on_unwatched(
+    rate_hz: float, dip_ms: int
+) -> None:
+    """Also while another bus is brought up, between its own bring-up and its first step."""
+    before = rig(rate_hz=rate_hz, watchdog_s=0.5)
+    before.driver.open()
+    opened = before.line.instructions
+    refused = 0
+    for number in range(opened - 1, opened + 9):
+        made = rig(rate_hz=rate_hz, watchdog_s=0.5)
+        cut_power_at(made, made.line.servos[1], number, dip_ms)
+        made.driver.open()
+        if number % 2:
+            made.clock.sleep_until(made.clock.now_ns() + 200 * MS)
+        try:
+            enable_steps(made, 20 + 150 * MS // made.period_ns)
+        except DeviceFault as err:
+            assert "instead of" in str(err)  # noqa: PT017
+            refused += 1
+        made.driver.close()
+        assert_safe(made)
+    assert refused > 5
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0, 90.0, 100.0, 1000.0])
+def test_torque_comes_on_at_every_rate_although_orders_are_lost(rate_hz: float) -> None:
+    made = rig({}, {}, {}, rate_hz=rate_hz, watchdog_s=1.0)
+    made.driver.open()
+    opened = made.line.instructions
+
+    def lose(count: int) -> None:
+        made.line.servos[2].deaf = opened + 2 < count < opened + 13
+
+    made.line.on_instruction = lose
+    for _ in range(100):
+        if made.driver.enable_step():
+            break
+        made.clock.sleep_until(made.clock.now_ns() + made.period_ns)
+    assert all(each.get(servo_line.TORQUE, 1) for each in made.line.servos)
+    assert run_until_told(made, 20) == ""
+    made.driver.close()
+    assert_safe(made)
 
 
 @pytest.mark.parametrize("rate_hz", [1000.0, pytest.param(100.0, marks=pytest.mark.slow), 20.0])
@@ -264,7 +311,7 @@ def test_a_watchdog_that_another_program_wrote_while_enabling_is_a_fault() -> No
 def enable_steps(made: Rig, count: int) -> None:
     for _ in range(count):
         made.driver.enable_step()
-        made.clock.sleep_until(made.clock.now_ns() + MS)
+        made.clock.sleep_until(made.clock.now_ns() + made.period_ns)
 
 
 @pytest.mark.parametrize("shadow", [0, 1, 7, 252])
