@@ -9,21 +9,18 @@ the axes are held. Without SYNC they begin when a drive is enabled.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 from tautwave.contracts import BusSpec
-from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.canopen.device import Device, Nmt
 from tautwave_sim.canopen.motor import Motor, motor_scale
 from tautwave_sim.canopen.options import NodeKeys, Quirks, SimulatedCanopenOptions
 from tautwave_sim.cia402 import State
-from tautwave_sim.wire.can import CanTiming
-from tautwave_sim.wire.can_faults import CanFaultPlan
 from tautwave_sim.wire.can_medium import MediumPort
-from tautwave_sim.wire.can_world import CanWorld
+from tautwave_sim.wire.can_world import CanWorld, Planned, listed, wire_of
 
 
 class DriveBus(CanWorld):
@@ -48,13 +45,10 @@ class DriveBus(CanWorld):
         truths: Sequence[AxisModel],
         now_ns: int,
     ) -> None:
-        seed = truths[0].seed[:1] if truths else ()
-        plan = CanFaultPlan(options.simulator.faults, seed)
-        timing = CanTiming(options.bitrate, options.data_bitrate)
+        timing, plan = wire_of(options, truths)
         super().__init__(timing, plan, bus.period_ns, now_ns)
         self._sync = options.sync
         self._free = options.simulator.free or not options.sync
-        self._slot = 0
         self.devices: list[Device] = []
         self.axes: list[SimulatedAxis] = []
         self._motors: list[Motor] = []
@@ -63,17 +57,11 @@ class DriveBus(CanWorld):
         self._events: list[int | None] = []
         self._braking: list[bool] = []
         self._next_ns: int | None = None
-        self._due: list[tuple[int, int, Callable[[int], None]]] = []
-        known = {node.id: node for node in options.nodes}
-        for spec, truth in zip(bus.axes, truths, strict=True):
-            if spec.device_id not in known:
-                raise ConfigError(
-                    f"bus {bus.name}: {spec.name} has id {spec.device_id}, which options.nodes "
-                    "does not list; add it there"
-                )
-            motor = Motor(spec.name, truth, motor_scale(known[spec.device_id], spec.kind, truth))
-            quirks = options.simulator.nodes.get(spec.device_id, Quirks())
-            self._attach(known[spec.device_id], motor, quirks, now_ns)
+        known = listed(bus, "nodes", {node.id: node for node in options.nodes})
+        for spec, node, truth in zip(bus.axes, known, truths, strict=True):
+            motor = Motor(spec.name, truth, motor_scale(node, spec.kind, truth))
+            quirks = options.simulator.nodes.get(node.id, Quirks())
+            self._attach(node, motor, quirks, now_ns)
 
     def _attach(self, node: NodeKeys, motor: Motor, quirks: Quirks, now_ns: int) -> None:
         at = len(self.devices)
@@ -87,17 +75,11 @@ class DriveBus(CanWorld):
         self._stale.add(at)
         self._events.append(None)
         self._braking.append(False)
-        self._due += [
-            (round(at_s * 1e9), at, action)
-            for at_s, action in _planned_faults(device, quirks)
-            if at_s is not None
-        ]
-        self._due.sort(key=lambda due: due[:2])
+        self._befalls(at, _planned_faults(device, quirks))
 
     # -- events ---------------------------------------------------------------------------
 
-    def next_event_ns(self) -> int | None:
-        """Return when something happens next by itself."""
+    def _device_event_ns(self) -> int | None:
         if self._stale:
             for at in self._stale:
                 device = self.devices[at]
@@ -106,9 +88,7 @@ class DriveBus(CanWorld):
             self._stale.clear()
             known = [time for time in self._events if time is not None]
             self._next_ns = min(known, default=None)
-        times = [self.medium.next_event_ns(), self._tick_ns(), self._next_ns]
-        if self._due and self._origin_ns is not None:
-            times.append(self._origin_ns + self._due[0][0])
+        times = (self._tick_ns(), self._next_ns)
         return min((time for time in times if time is not None), default=None)
 
     def _tick_ns(self) -> int | None:
@@ -116,35 +96,18 @@ class DriveBus(CanWorld):
             return None
         return self._origin_ns + (self._slot + 1) * self._period_ns
 
-    def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`, in its order."""
-        while True:
-            at_ns = self.next_event_ns()
-            if at_ns is None or at_ns > to_ns:
-                break
-            self._step(at_ns)
-        self.medium.advance(to_ns)
-
     def _step(self, at_ns: int) -> None:
-        due = self.medium.next_event_ns()
-        if due is not None and due <= at_ns:
-            self.medium.step(due)
-            self._begin_if_free(at_ns)
-            return
-        self.medium.now_ns = max(self.medium.now_ns, at_ns)
+        super()._step(at_ns)
+        self._begin_if_free(at_ns)
+
+    def _run(self, at_ns: int) -> None:
         self._stale.update(range(len(self.devices)))
-        while self._due and self._origin_ns is not None:
-            if self._origin_ns + self._due[0][0] > at_ns:
-                break
-            _, _, action = self._due.pop(0)
-            action(at_ns)
         tick_ns = self._tick_ns()
         if tick_ns is not None and tick_ns <= at_ns and self._origin_ns is not None:
             self._pass_to((at_ns - self._origin_ns) // self._period_ns)
         for at, device in enumerate(self.devices):
             device.run(at_ns)
             self._act(at, at_ns)
-        self._begin_if_free(at_ns)
 
     # -- slots ----------------------------------------------------------------------------
 
@@ -214,10 +177,8 @@ class DriveBus(CanWorld):
         device.on_sync()
 
 
-def _planned_faults(
-    device: Device, quirks: Quirks
-) -> list[tuple[float | None, Callable[[int], None]]]:
-    """Return what befalls a device, and when [s]."""
+def _planned_faults(device: Device, quirks: Quirks) -> list[Planned]:
+    """Return what befalls a device, and when."""
 
     def stop_beating(now_ns: int) -> None:
         device.beats = False

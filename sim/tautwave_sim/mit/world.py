@@ -9,18 +9,15 @@ a period late, so that a watchdog that trips is felt.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 from tautwave.contracts import BusSpec
-from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.mit.motor import ON, Motor
 from tautwave_sim.mit.options import Quirks, SimulatedMitOptions
-from tautwave_sim.wire.can import CanTiming
-from tautwave_sim.wire.can_faults import CanFaultPlan
-from tautwave_sim.wire.can_world import CanWorld
+from tautwave_sim.wire.can_world import CanWorld, Planned, listed, wire_of
 
 
 class MotorBus(CanWorld):
@@ -45,45 +42,27 @@ class MotorBus(CanWorld):
         truths: Sequence[AxisModel],
         now_ns: int,
     ) -> None:
-        seed = truths[0].seed[:1] if truths else ()
-        plan = CanFaultPlan(options.simulator.faults, seed)
-        timing = CanTiming(options.bitrate, options.data_bitrate)
+        timing, plan = wire_of(options, truths)
         super().__init__(timing, plan, bus.period_ns, now_ns)
         self._free = options.simulator.free
-        self._slot = 0
         self.motors: list[Motor] = []
         self.axes: list[SimulatedAxis] = []
         self._phases: dict[int, int] = {}
-        self._due: list[tuple[int, int, Callable[[], None]]] = []
-        known = {motor.id: motor for motor in options.motors}
-        for spec, truth in zip(bus.axes, truths, strict=True):
-            if spec.device_id not in known:
-                raise ConfigError(
-                    f"bus {bus.name}: {spec.name} has id {spec.device_id}, which options.motors "
-                    "does not list; add it there"
-                )
+        known = listed(bus, "motors", {motor.id: motor for motor in options.motors})
+        for spec, keys, truth in zip(bus.axes, known, truths, strict=True):
             at = len(self.motors)
             port = self.medium.port(partial(self._hear, at))
             quirks = options.simulator.motors.get(spec.device_id, Quirks())
-            motor = Motor(known[spec.device_id], quirks, spec.name, truth, timing.fd, port.send)
+            motor = Motor(keys, quirks, spec.name, truth, timing.fd, port.send)
             self.motors.append(motor)
             self.axes.append(motor.axis)
             motor.free = motor.axis.in_hand
-            self._due += [
-                (round(at_s * 1e9), at, action)
-                for at_s, action in _planned_faults(motor, quirks)
-                if at_s is not None
-            ]
-        self._due.sort(key=lambda due: due[:2])
+            self._befalls(at, _planned_faults(motor, quirks))
 
     # -- events ---------------------------------------------------------------------------
 
-    def next_event_ns(self) -> int | None:
-        """Return when something happens next by itself."""
-        times = [self.medium.next_event_ns(), self._tick_ns()]
-        times += [motor.next_event_ns() for motor in self.motors]
-        if self._due and self._origin_ns is not None:
-            times.append(self._origin_ns + self._due[0][0])
+    def _device_event_ns(self) -> int | None:
+        times = [self._tick_ns(), *(motor.next_event_ns() for motor in self.motors)]
         return min((time for time in times if time is not None), default=None)
 
     def _tick_ns(self) -> int | None:
@@ -93,26 +72,7 @@ class MotorBus(CanWorld):
         late = 0 if self._free else self._period_ns // 2
         return self._origin_ns + (self._slot + 1) * self._period_ns + late
 
-    def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`, in its order."""
-        while True:
-            at_ns = self.next_event_ns()
-            if at_ns is None or at_ns > to_ns:
-                break
-            self._step(at_ns)
-        self.medium.advance(to_ns)
-
-    def _step(self, at_ns: int) -> None:
-        due = self.medium.next_event_ns()
-        if due is not None and due <= at_ns:
-            self.medium.step(due)
-            return
-        self.medium.now_ns = max(self.medium.now_ns, at_ns)
-        while self._due and self._origin_ns is not None:
-            if self._origin_ns + self._due[0][0] > at_ns:
-                break
-            _, _, action = self._due.pop(0)
-            action()
+    def _run(self, at_ns: int) -> None:
         tick_ns = self._tick_ns()
         if tick_ns is not None and tick_ns <= at_ns:
             self._pass_to(self._slot + 1)
@@ -157,15 +117,21 @@ class MotorBus(CanWorld):
             motor.free = True
 
 
-def _planned_faults(motor: Motor, quirks: Quirks) -> list[tuple[float | None, Callable[[], None]]]:
-    """Return what befalls a motor, and when [s]."""
+def _planned_faults(motor: Motor, quirks: Quirks) -> list[Planned]:
+    """Return what befalls a motor, and when."""
 
-    def fall_silent() -> None:
+    def fall_silent(now_ns: int) -> None:
         motor.power_on()
         motor.present = False
 
+    def restart(now_ns: int) -> None:
+        motor.power_on()
+
+    def fail(now_ns: int) -> None:
+        motor.fail(quirks.error)
+
     return [
         (quirks.silent_at_s, fall_silent),
-        (quirks.restarts_at_s, motor.power_on),
-        (quirks.error_at_s, lambda: motor.fail(quirks.error)),
+        (quirks.restarts_at_s, restart),
+        (quirks.error_at_s, fail),
     ]

@@ -9,13 +9,13 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from tautwave.clock import MonotonicClock
 from tautwave.errors import ConfigError, DriverError
 from tautwave_sim.wire.can_faults import CanFaults
 from tautwave_sim.wire.can_port import frame_of, message_of
-from tautwave_sim.wire.can_world import CanWorld
+from tautwave_sim.wire.can_world import CanOptions, CanWorld
 
 LOOK_NS = 50_000_000
 """[ns] How often it looks whether it was stopped."""
@@ -25,27 +25,7 @@ ECHO_NS = 100_000_000
 """[ns] An own frame that an interface returns is back within that time."""
 
 
-class CanPlace(Protocol):
-    """Options that name an interface."""
-
-    @property
-    def interface(self) -> str:
-        """Of python-can."""
-
-    @property
-    def channel(self) -> str:
-        """Its channel."""
-
-    @property
-    def bitrate(self) -> int:
-        """[bit/s]."""
-
-    @property
-    def data_bitrate(self) -> int | None:
-        """[bit/s] of the data phase of CAN FD, None for a classic bus."""
-
-
-def open_bus(options: CanPlace) -> Any:
+def open_bus(options: CanOptions) -> Any:
     """Open a CAN interface through python-can.
 
     Raises
@@ -152,7 +132,7 @@ def refuse_full_queue(bus: str, interface: str, faults: CanFaults) -> None:
 
 
 def serve_world(
-    options: CanPlace,
+    options: CanOptions,
     make: Callable[[int], CanWorld],
     announce: Callable[[], None],
     stopped: Callable[[], bool],

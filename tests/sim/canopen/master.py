@@ -6,8 +6,8 @@ from typing import Any
 
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
+from tautwave_sim.canopen import simulator
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
-from tautwave_sim.canopen.plugin import CanopenSimulator
 from tests.sim.truths import truth
 
 PERIOD_NS = 1_000_000
@@ -48,7 +48,7 @@ class Master:
         axes = tuple(AxisSpec(f"slave.a{node}", node, "rotary", causality, 10.0) for node in ids)
         physics = [truth(servo=servo, **truths) for _ in ids]
         self.bus = BusSpec("arm", axes, 1000.0)
-        self.simulator = CanopenSimulator(options, self.bus, physics, self.clock)
+        self.simulator = simulator.make(options, self.bus, physics, self.clock)
         self.port = self.simulator.transport
         self.world = self.simulator.world
         self.ids = ids

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from tautwave.errors import ConfigError
+from tautwave_sim.canopen import simulator
 from tautwave_sim.canopen.bench import CanopenBench, bench
-from tautwave_sim.canopen.served import serve
 
 canopen = pytest.importorskip("canopen")
 p402 = pytest.importorskip("canopen.profiles.p402")
@@ -77,7 +77,7 @@ def drives(channel: str, *ids: int) -> Iterator[None]:
     given = bench(CanopenBench(nodes=ids, interface="virtual", channel=channel, damping=1e-4))
     ready, stop = threading.Event(), threading.Event()
     thread = threading.Thread(
-        target=serve, args=(*given, lambda _: ready.set(), stop.is_set), daemon=True
+        target=simulator.serve, args=(*given, lambda _: ready.set(), stop.is_set), daemon=True
     )
     thread.start()
     try:

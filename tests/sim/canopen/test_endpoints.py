@@ -19,10 +19,9 @@ from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError, DriverError
 from tautwave.registry import load_simulator
+from tautwave_sim.canopen import simulator
 from tautwave_sim.canopen.bench import CanopenBench, bench
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
-from tautwave_sim.canopen.plugin import CanopenSimulator, simulator
-from tautwave_sim.canopen.served import serve
 from tautwave_sim.canopen.world import DriveBus
 from tautwave_sim.wire.can_served import Gateway
 from tests.sim.truths import truth
@@ -67,7 +66,7 @@ def test_where_the_drives_live() -> None:
 
 def test_a_node_that_is_not_listed_is_named() -> None:
     with pytest.raises(ConfigError, match=r"slave\.a7 has id 7"):
-        CanopenSimulator(options(), spec(7), [truth()], FakeClock())
+        simulator.make(options(), spec(7), [truth()], FakeClock())
 
 
 def test_keys_of_the_driver_are_let_through_and_own_ones_checked() -> None:
@@ -86,7 +85,7 @@ def test_a_quirk_of_a_node_that_is_not_there_is_refused() -> None:
 def test_a_queue_that_is_the_interfaces_own_cannot_be_filled(faults: dict[str, Any]) -> None:
     given = options(interface="udp_multicast", simulator={"faults": faults})
     with pytest.raises(ConfigError, match=r"bus arm: simulator\.faults: queue_full would do"):
-        serve(given, spec(1), [truth()], lambda _: None, lambda: True)
+        simulator.serve(given, spec(1), [truth()], lambda _: None, lambda: True)
 
 
 class Echoing:
@@ -116,12 +115,12 @@ def test_own_frames_that_come_back_are_not_on_the_wire_again() -> None:
 
 def test_an_interface_that_is_not_there_is_reported_with_a_way_out() -> None:
     with pytest.raises(DriverError, match=r"nowhere0.*udp_multicast"):
-        serve(options(channel="nowhere0"), spec(1), [truth()], print, lambda: True)
+        simulator.serve(options(channel="nowhere0"), spec(1), [truth()], print, lambda: True)
 
 
 def test_on_the_real_clock_frames_cross_a_virtual_bus_that_others_may_join() -> None:
     clock = MonotonicClock()
-    made = CanopenSimulator(options(interface="virtual", channel="join"), spec(1), [truth()], clock)
+    made = simulator.make(options(interface="virtual", channel="join"), spec(1), [truth()], clock)
     listener = can.Bus(interface="virtual", channel="join")
     try:
         port: Any = made.transport
@@ -148,7 +147,7 @@ def test_on_the_real_clock_frames_cross_a_virtual_bus_that_others_may_join() -> 
 
 def test_a_full_queue_on_the_virtual_bus() -> None:
     clock = MonotonicClock()
-    made = CanopenSimulator(
+    made = simulator.make(
         options(interface="virtual", channel="full", bitrate=10_000), spec(1), [truth()], clock
     )
     try:
@@ -163,7 +162,7 @@ def test_a_full_queue_on_the_virtual_bus() -> None:
 @pytest.mark.parametrize("kind", ["rotary", "linear"])
 def test_a_bench_is_a_bus_of_free_drives(kind: Any) -> None:
     given = bench(CanopenBench(nodes=(3, 4), interface="virtual", kind=kind))
-    made = CanopenSimulator(given.options, given.bus, given.physics, FakeClock())
+    made = simulator.make(given.options, given.bus, given.physics, FakeClock())
     assert [device.id for device in made.world.devices] == [3, 4]
     scale = made.world.devices[0].drive.motor.scale
     assert scale.position == given.physics[0].encoder_quantum

@@ -73,11 +73,11 @@ class Plain(CanWorld):
     def __init__(self, data_bitrate: int | None = None) -> None:
         super().__init__(CanTiming(1_000_000, data_bitrate), CanFaultPlan(CanFaults()), 10**6, 0)
 
-    def next_event_ns(self) -> int | None:
-        return self.medium.next_event_ns()
+    def _device_event_ns(self) -> None:
+        return None
 
-    def advance(self, to_ns: int) -> None:
-        self.medium.advance(to_ns)
+    def _run(self, at_ns: int) -> None:
+        pass
 
 
 class Echoing:
