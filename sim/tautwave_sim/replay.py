@@ -36,10 +36,10 @@ class ReplayDevice(BaseModel):
     """Heading of the column with the time."""
 
     time_unit: Literal["s", "ms", "us", "ns"] | None = None
-    """Unit of the time column; default: seconds, and a file that has others is refused."""
+    """Unit of the time column; default: seconds; a file in another unit is refused."""
 
     rate_hz: Annotated[float, Field(gt=0)] | None = None
-    """[Hz] The rows are even in time; the file's own times, if any, are not read."""
+    """[Hz] Rows are evenly spaced at this rate; the file's own times, if any, are not read."""
 
     columns: list[str] = Field(default_factory=list)
     """Names of the columns of a text file without a heading."""

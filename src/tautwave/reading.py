@@ -8,7 +8,7 @@ import os
 import stat
 from typing import Any, BinaryIO
 
-NO_FILE = "a pipe or device, not a file; save what comes from it as a file first"
+NO_FILE = "a pipe or device, not a file; save its output as a file first"
 
 
 def open_file(path: str | os.PathLike[str], buffering: int = -1) -> BinaryIO:

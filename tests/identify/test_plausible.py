@@ -78,7 +78,7 @@ def test_the_noise_of_a_clock_is_no_encoders(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("mass", -2.0, "a mass of -2 kg is none"),
+        ("mass", -2.0, "a mass of -2 kg is impossible"),
         ("mass", 8e6, "link mass 8e+06 kg is outside"),
         ("centre x", 400.0, "centre 400 m is outside"),
         ("constant", 1e9, "bias 1e+09 N m is outside"),

@@ -160,7 +160,7 @@ def test_columns_are_found_by_their_names_or_requested(cli: Cli, tmp_path: Path)
     assert missing.exit_code == 2
     assert missing.stderr.strip() == (
         f"{named}: no column name matches the time; give it with --time, or with --rate HZ "
-        "where rows are even in time (there are clock, a, b)"
+        "where rows are evenly spaced (there are clock, a, b)"
     )
     wrong = cli("identify", named, "--time", "clock", "--position", "c")
     assert "there is no column 'c'; there are clock, a, b" in wrong.stderr

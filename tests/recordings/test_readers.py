@@ -190,7 +190,7 @@ def test_a_rig_plays_every_kind_of_file(tmp_path: Path, kind: str) -> None:
     [
         ("headless", UNSTATED, "starts with numbers; name its 3 columns with --columns"),
         ("headless", Stated(columns=("a", "b")), "got 2; name its 3 columns"),
-        ("csv", Stated(columns=("a", "b", "c")), "has names of its columns already: t, q, f"),
+        ("csv", Stated(columns=("a", "b", "c")), "names its columns already: t, q, f"),
         ("lerobot 3.0", UNSTATED, "a dataset of 2 episodes; choose one with --episode N (0 to 1)"),
         ("lerobot 2.1", Stated(episode=2), "choose one with --episode N"),
     ],

@@ -146,7 +146,9 @@ def test_a_page_without_a_place_may_stop_and_the_token_has_one(serving: tuple[Ru
             heard(crowd.enter_context(page(door)), "hello")
         late, own = (crowd.enter_context(page(door)) for _ in range(2))
         for socket in (late, own):
-            assert "no rows come here until one is closed" in str(heard(socket, "note")["text"])
+            assert "this page gets no data until one is closed" in str(
+                heard(socket, "note")["text"]
+            )
         late.send(json.dumps({"op": "command", "line": "engage"}))
         assert "without the token" in str(heard(late, "note")["text"])
         late.send(json.dumps({"op": "command", "line": "stop"}))

@@ -131,8 +131,8 @@ class Bringup:
             self._notes.append(f"{where}: {text}; cleared")
         if said is None:
             raise DriverError(
-                f"{where}: answers about registers, but says nothing of itself when it is switched "
-                "off; update its firmware"
+                f"{where}: answers about registers, but does not report its state when it is "
+                "switched off; update its firmware"
             )
         if said.state != damiao.DISABLED:
             raise DeviceFault(

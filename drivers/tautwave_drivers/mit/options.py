@@ -180,7 +180,7 @@ def _axis_problem(axis: AxisSpec, motor: Motor) -> str:
         return " has an effort_sensor, but these motors read none; remove it"
     if axis.effort_limit > motor.t_max and math.isfinite(axis.effort_limit):
         return (
-            f": effort_limit {axis.effort_limit:g} is more than motor {motor.id} can be told, "
+            f": effort_limit {axis.effort_limit:g} is more than motor {motor.id} accepts, "
             f"t_max {motor.t_max:g}; lower effort_limit"
         )
     ends = [motor.zero + motor.direction * end for end in axis.position_range]

@@ -154,6 +154,6 @@ class Registers:
                 return
             self._clock.sleep_until(self._clock.now_ns() + 1_000_000)
         raise DriverError(
-            "CAN: the transmit queue stays full: nobody acknowledges; check cable, termination, "
+            "CAN: the transmit queue stays full: no node acknowledges; check cable, termination, "
             "power and bit rate"
         )

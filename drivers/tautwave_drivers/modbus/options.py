@@ -350,7 +350,7 @@ def _matched(options: ModbusOptions, axis: AxisSpec, device: DeviceOptions) -> D
 
 
 def _check_wrap(axis: AxisSpec, profile: Profile, scale: Scale) -> None:
-    """Refuse a position of 16 bits of which nobody could say how often it has wrapped.
+    """Refuse a position of 16 bits whose number of wraps would be ambiguous.
 
     Raises
     ------
@@ -366,7 +366,7 @@ def _check_wrap(axis: AxisSpec, profile: Profile, scale: Scale) -> None:
     if not high - low < span:
         raise ConfigError(
             f"its position register has 16 bits, which come round after {span:.4g} {unit}, within "
-            f"position_range: where it is when switched on could not be told; narrow the range to "
+            f"position_range: where it is when switched on would be ambiguous; narrow the range to "
             "less than that, or use a register of 32 bits"
         )
     if axis.velocity_limit * WRAP_S >= 0.5 * span:

@@ -87,5 +87,5 @@ class SimulatedMitOptions(_Shared):
     def _motors_exist(self) -> SimulatedMitOptions:
         unknown = sorted(set(self.simulator.motors) - {motor.id for motor in self.motors})
         if unknown:
-            raise ValueError(f"simulator.motors names motor {unknown[0]}, which motors has not")
+            raise ValueError(f"simulator.motors names motor {unknown[0]}, not listed in motors")
         return self

@@ -123,14 +123,14 @@ def file_options(for_what: str) -> Callable[[Any], Any]:
         click.option(
             "--time-unit",
             type=click.Choice(("s", "ms", "us", "ns")),
-            help=f"{for_what}: unit of the time column; default: told from its name and values.",
+            help=f"{for_what}: unit of the time column; default: from its name and values.",
         ),
         click.option(
             "--rate",
             type=float,
             callback=positive,
             metavar="HZ",
-            help=f"{for_what}: its rows are even, so many a second; its own times are not read.",
+            help=f"{for_what}: rows are evenly spaced at this rate; its own times are not read.",
         ),
         click.option(
             "--columns",

@@ -135,7 +135,7 @@ def read_columns(
     """
     path = recording_file(path)
     wanted = list(dict.fromkeys([time_column, *names]))
-    if stated.rate_hz is not None:  # its rows are even in time, whatever else it says of it
+    if stated.rate_hz is not None:  # its rows are evenly spaced, whatever times the file has
         wanted.remove(time_column)
     found = _reader(path).columns(path, wanted, stated, holes=holes)
     if stated.rate_hz is not None:

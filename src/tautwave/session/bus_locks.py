@@ -59,7 +59,7 @@ def _held(bus: str, endpoint: str) -> Iterator[None]:
             if holder != os.getpid():  # of this process another bus, or a part of the same command
                 raise DriverError(
                     f"bus {bus}: {endpoint} has a master on this machine, {_described(holder)}; "
-                    "a second one would switch off what is in somebody's hand. End that first, or "
+                    "a second one would switch off devices that are in use. End that first, or "
                     "put all devices of this bus into one rig"
                 ) from err
         yield

@@ -30,7 +30,8 @@ PATIENCE_S = 5.0
 AGAIN_S = 0.25
 """Time between two attempts to dial [s]."""
 CROWDED = (
-    "ended the handshake without a word: too many connections at its port, or another program there"
+    "ended the handshake without a reason: too many connections at its port, or another program "
+    "there"
 )
 
 
@@ -105,7 +106,7 @@ class RefusedError(LinkError):
 
 
 class DroppedError(LinkError):
-    """The other end closed the connection without a word; trying again may help."""
+    """The other end closed the connection without a reason; trying again may help."""
 
 
 class _Broken(Exception):
@@ -357,7 +358,7 @@ def dial(
     LinkError
         It is not there, or does not answer.
     DroppedError
-        It ended the connection without a word.
+        It ended the connection without a reason.
     RefusedError
         It refuses, or is not that site.
     """

@@ -43,7 +43,7 @@ MOST_STANDING = 64
 MOST_BEHIND = 4 << 20
 """[bytes] Of answers that a viewer has not taken; one that asks for more is closed."""
 NO_PLACE = (
-    f"{MOST_VIEWERS} pages are open already: no rows come here until one is closed; "
+    f"{MOST_VIEWERS} pages are open already: this page gets no data until one is closed; "
     "stop works, and so does the address with the token"
 )
 LARGEST = 1 << 16

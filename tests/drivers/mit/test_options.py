@@ -61,7 +61,7 @@ def test_the_steps_are_those_of_the_codes() -> None:
         ([motor(1, feedback_id=0x302), motor(2)], {}, "0x302, which is a command to motor 2"),
         ([motor(1, feedback_id=0x7FF)], {}, "is that of register frames"),
         ([motor(1)], {"watchdog_s": 0.002}, "less than 3 periods"),
-        ([motor(1, t_max=0.5)], {}, "effort_limit 1 is more than motor 1 can be told"),
+        ([motor(1, t_max=0.5)], {}, "effort_limit 1 is more than motor 1 accepts"),
         ([motor(1, p_max=3.0)], {}, "positions end at p_max 3"),
         ([motor(1, zero=10.0)], {}, "narrow position_range, or correct zero"),
     ],

@@ -481,15 +481,15 @@ TABLE = (
     Row((o.RATED_CURRENT,), "6077h on drives that take it from current", "not 0", _rated_current),
     Row(
         (o.MAX_TORQUE,),
-        "the most of 6071h",
+        "the maximum of 6071h",
         "effort_limit",
         _torque_cap(o.MAX_TORQUE),
         True,
     ),
     *(
-        Row((entry,), "the most of 6071h", "effort_limit", _torque_cap(entry), True)
+        Row((entry,), "the maximum of 6071h", "effort_limit", _torque_cap(entry), True)
         for entry in (o.POSITIVE_TORQUE_LIMIT, o.NEGATIVE_TORQUE_LIMIT)
     ),
-    Row((o.MAX_MOTOR_SPEED,), "the fastest of 606Ch", "velocity_limit", _speed_cap, True),
+    Row((o.MAX_MOTOR_SPEED,), "the maximum of 606Ch", "velocity_limit", _speed_cap, True),
 )
 ENTRIES = tuple(entry for row in TABLE for entry in row.entries)

@@ -352,13 +352,13 @@ def _unknown_reaction(
 
 
 def free_emergencies(drive: RemoteDrive) -> list[str]:
-    """Let EMCYs come at once: what 1015h holds back may be what a drive stops for."""
+    """Set the EMCY inhibit time (1015h) to 0: an EMCY it delays may be why the drive stops."""
     if not drive.find(c.EMCY_INHIBIT):
         return []
     found = settle(drive, c.EMCY_INHIBIT, 0, Lasts.LOAN)
     if not found.value:
         return [found.text]
     return [
-        f"{found.text}; warning: its errors may be told {found.value * 1e-4:g} s late, or not "
+        f"{found.text}; warning: its errors may be reported {found.value * 1e-4:g} s late, or not "
         "at all: set 1015:00 to 0 with its tool"
     ]

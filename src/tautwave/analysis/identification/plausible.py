@@ -83,7 +83,7 @@ def implausible(values: Mapping[str, float], rotary: bool | None) -> list[str]:
             continue
         unit = f" {bound.unit}" if bound.unit else ""
         found.append(
-            f"Doubtful: {name.replace('_', ' ')} {value:.3g}{unit} is outside what a device has "
+            f"Doubtful: {name.replace('_', ' ')} {value:.3g}{unit} is outside the plausible range "
             f"({bound.least:g} to {bound.greatest:g}); check the units of time (--time-unit), "
             "position and effort, and which columns were taken."
         )

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     type=PATH,
     multiple=True,
     metavar="FILE",
-    help="Arms as URDF files have them: one for both sides, or the leader's and the follower's. "
+    help="Arms described by URDF files: one for both sides, or the leader's and the follower's. "
     "Without devices (--bus, --eds, --profile) both are simulated.",
 )
 @click.option(

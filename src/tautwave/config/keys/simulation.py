@@ -119,8 +119,8 @@ FILE = (
 
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
-TIME_UNIT = "Unit of the time column; default: seconds, and a file that has others is refused."
-RATE = "[Hz] The rows are even in time; the file's own times, if any, are not read."
+TIME_UNIT = "Unit of the time column; default: seconds; a file in another unit is refused."
+RATE = "[Hz] Rows are evenly spaced at this rate; the file's own times, if any, are not read."
 COLUMNS = "Names of the columns of a text file without a heading."
 EPISODE = "Episode of a LeRobot dataset; default: its only one."
 

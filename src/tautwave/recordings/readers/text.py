@@ -59,7 +59,7 @@ def _heading(path: Path, file: TextIO, stated: Stated) -> _Heading:
     if not names or any(_number(name, separator) is None for name in names):
         if stated.columns:
             raise ConfigError(
-                f"{path}:{number}: has names of its columns already: {', '.join(names)}; leave "
+                f"{path}:{number}: names its columns already: {', '.join(names)}; leave "
                 "--columns out"
             )
         return _Heading(names, separator, number)

@@ -94,7 +94,7 @@ class DeviceResult(NamedTuple):
     def snippet(self) -> str:
         """Lines for the axis in the rig file."""
         if self.implausible:
-            return f"# {self.axis}: nothing here is to be believed, see the notes"
+            return f"# {self.axis}: nothing here is credible, see the notes"
         return device_snippet(self.axis, self.fit)
 
     @property

@@ -92,7 +92,7 @@ class LeverResult(NamedTuple):
     def snippet(self) -> str:
         """Lines for the axis in the rig file."""
         if self.implausible:
-            return f"# {self.series.position_name}: nothing here is to be believed, see the notes"
+            return f"# {self.series.position_name}: nothing here is credible, see the notes"
         noise = f"position_noise: {self.noise.value:.3g}"
         step = [f"encoder_quantum: {self.quantum:.5g}"] if self.quantum > 0.0 else []
         sensor, offset = [], self.sensor_offset

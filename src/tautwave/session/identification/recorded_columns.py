@@ -340,7 +340,7 @@ def _one(
         raise ConfigError(
             f"{path}: several columns could be the {what} ({', '.join(able)}); choose with {option}"
         )
-    rate = ", or with --rate HZ where rows are even in time" if option == "--time" else ""
+    rate = ", or with --rate HZ where rows are evenly spaced" if option == "--time" else ""
     raise ConfigError(
         f"{path}: no column name matches the {what}; give it with {option}{rate}"
         f" (there are {', '.join(header) or 'none'})"

@@ -54,7 +54,7 @@ class NoiseResult(NamedTuple):
     def snippet(self) -> str:
         """Lines for the axis in the rig file."""
         if self.implausible:
-            return f"# {self.series.position_name}: nothing here is to be believed, see the notes"
+            return f"# {self.series.position_name}: nothing here is credible, see the notes"
         return noise_snippet(self.fit)
 
     @property

@@ -192,7 +192,7 @@ def identify_load(
     rotary = arm is not None or rig.axes[names[0]].kind == "rotary"
     doubts = implausible_weights(weights, rotary)
     if doubts:
-        snippet = f"# {', '.join(names)}: nothing here is to be believed, see the notes"
+        snippet = f"# {', '.join(names)}: nothing here is credible, see the notes"
     else:
         snippet = load_snippet(arm, weights) if arm is not None else axis_snippet(weights)
     notes = [*run.notes, *doubts]
@@ -212,8 +212,8 @@ def implausible_weights(weights: Sequence[Weight], rotary: bool) -> list[str]:
         if weight.name == "mass":
             doubts = implausible({"link_mass": value}, rotary)
             if weight.estimate.upper < 0.0:
-                doubts = [f"Doubtful: a mass of {value:.3g} kg is none; its effort has the other "
-                          "sign, or something else carries the link."]  # fmt: skip
+                doubts = [f"Doubtful: a mass of {value:.3g} kg is impossible; its effort has the "
+                          "other sign, or something else carries the link."]  # fmt: skip
         elif weight.name.startswith("centre"):
             known = not weight.estimate.lower <= 0.0 <= weight.estimate.upper
             doubts = implausible({"centre": value}, rotary) if known else []
