@@ -1,8 +1,8 @@
 """What stands between a serial device and the host: FTDI, another USB chip, CDC-ACM, a UART, a pty.
 
-By the device itself, wherever a name such as /dev/serial/by-id leads: sysfs tells its driver and
-whether it hangs on USB. With FTDI every response waits for the latency timer. The other USB devices
-hand on what they have with the next frame of the bus, 1 ms at full speed (USB 2.0, 5.3).
+Identified by the device itself, wherever a name such as /dev/serial/by-id leads: sysfs has its
+driver and whether it is on USB. With FTDI every response waits for the latency timer. The other USB
+devices pass their data on with the next frame of the bus, 1 ms at full speed (USB 2.0, 5.3).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Adapter(NamedTuple):
 
 
 def adapter_of(port: str) -> Adapter:
-    """Return what a serial device is; one that is not plugged in is told by its name."""
+    """Return the kind of a serial device; one that is not plugged in is judged by its name."""
     device = os.path.realpath(port)
     name = os.path.basename(device)
     if device.startswith("/dev/pts/"):

@@ -1,4 +1,4 @@
-"""Wrong answers, counted by their cause: what came is told from silence."""
+"""Wrong answers, counted by their cause, and so distinguished from silence."""
 
 from __future__ import annotations
 

@@ -8,8 +8,8 @@ import math
 def turns_back(position: float, position_range: tuple[float, float]) -> list[int]:
     """Return by how many whole turns a position [rad] may be off, for it to be in its range.
 
-    None where no number of turns does it, one where the range tells, 0 first where it is inside as
-    it is. An infinite range tells nothing.
+    Empty where no whole turns bring it there, one where the range decides it, 0 first where it is
+    inside already. An infinite range decides nothing: 0 alone.
     """
     low, high = position_range
     if not (math.isfinite(low) and math.isfinite(high)):

@@ -209,7 +209,7 @@ class DeviceSettings:
             self.hold(setting)
 
     def hold(self, setting: DeviceSetting) -> None:
-        """Have a setting that was made read once more by `forgotten`, if power takes it."""
+        """Register a setting for `forgotten` to read once more, if a power cycle resets it."""
         if setting.lasts is not Lasts.WRITTEN:
             self.held[setting.place] = setting
 

@@ -1,4 +1,4 @@
-"""What error frames say, and what is said of a bus that is gone.
+"""Error frames as text, and the error for an interface that is down or gone.
 
 Source: <linux/can/error.h>.
 """

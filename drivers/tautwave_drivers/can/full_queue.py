@@ -48,7 +48,7 @@ class FullQueue:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Reset all counts."""
         self.cycles = 0
         self.dead = ""
         self._received_then = 0
@@ -78,7 +78,7 @@ class FullQueue:
         return pending is None or pending() == 0
 
     def kept_away(self) -> str:
-        """Return what of it kept samples away, '' where it takes frames."""
+        """Return how a full queue prevented samples, '' where it takes frames."""
         if not self.cycles:
             return ""
         return f"the CAN transmit queue was full for {self.cycles} cycles; {self._remedy}"

@@ -1,8 +1,8 @@
 """How long a USB adapter of python-can keeps a frame before the host has it.
 
-Adapters on a serial port, such as those of the slcan kind, are what the port is (`adapter.py`), but
-nobody sets the latency timer of theirs. Others hand on what they have with the next frame of the
-bus, 1 ms at full speed (USB 2.0, 5.3). Interfaces of the kernel (SocketCAN) are not told apart.
+Adapters on a serial port, such as those of the slcan kind, are judged as the port (`adapter.py`),
+but their latency timer is not set. Others pass their data on with the next frame of the bus, 1 ms
+at full speed (USB 2.0, 5.3). Interfaces of the kernel (SocketCAN) are not distinguished.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ ON_SERIAL_PORTS = ("slcan", "seeedstudio", "robotell")
 """Interfaces of python-can whose channel is a serial port."""
 WITHOUT_USB = ("virtual", "socketcan", "udp_multicast")
 UNSET_TIMER_S = 0.016
-"""[s] Latency timer of an FTDI chip that nobody has set (AN232B-04)."""
+"""[s] Default latency timer of an FTDI chip (AN232B-04)."""
 
 
 def latency_s(options: CanKeys) -> float:

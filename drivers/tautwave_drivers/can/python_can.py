@@ -148,7 +148,7 @@ class PolledPort(PythonCanPort):
     """The frame that `readable` found."""
 
     def receive(self) -> tuple[int, bytes, int] | None:
-        """As for every port."""
+        """Return the oldest frame as id, data and arrival [ns], None if there is none."""
         frame, self._ahead = self._ahead, None
         return frame or super().receive()
 

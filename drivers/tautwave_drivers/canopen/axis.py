@@ -279,7 +279,7 @@ class Axis:
     def interrupted(self, cycle: int) -> bool:
         """Return whether it is back after what may have been a power dip: a gap, or back at start.
 
-        Once it is enabled its state tells: no drive comes up enabled.
+        Once it is enabled its state shows it: no drive comes up enabled.
         """
         if not self.fresh:
             self._gap = self._gap or cycle > 0

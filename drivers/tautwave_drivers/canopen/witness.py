@@ -1,4 +1,4 @@
-"""What a drive says of velocity (606Ch) and torque (6077h), read by SDO while the bus runs.
+"""Velocity (606Ch) and torque (6077h) that a drive reports, read by SDO while the bus runs.
 
 For the motion check of `tautwave accept`: neither is in the TPDO of an axis that takes effort.
 Source: CiA 402-2 v3.0, 606Ch and 6077h; CiA 301 v4.2, 7.2.4.3.5 (expedited upload).
@@ -16,18 +16,18 @@ EVERY = 16
 
 
 class Told:
-    """What one drive said last; `wanted` once somebody asks for it."""
+    """What one drive reported last; read while `wanted`."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was said, and ask no more."""
+        """Discard the values, and stop reading."""
         self.wanted = False
         self.velocity = self.torque = math.nan
 
     def request(self, cycle: int) -> bytes:
-        """Return what is asked in this cycle, b'' for nothing."""
+        """Return the SDO request of this cycle, b'' for none."""
         if not self.wanted:
             return b""
         return {1: READ_VELOCITY, 1 + EVERY // 2: READ_TORQUE}.get(cycle % EVERY, b"")

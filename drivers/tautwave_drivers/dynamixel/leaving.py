@@ -1,4 +1,4 @@
-"""Switching servos off: what ended is judged by what each servo says, not by what was sent.
+"""Switching servos off: whether one is off is judged by its own report, not by what was sent.
 
 Nothing here goes through the ledger of settings: it ends at the first servo that does not answer,
 and here all the others have to be switched off as well. Torque off is read back here.

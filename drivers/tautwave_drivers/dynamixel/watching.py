@@ -124,7 +124,7 @@ class Watch:
             if last is None:
                 self.unseen.add(index)
                 self._want(index, TORQUE)
-                # Torque that is on tells that it forgot nothing: the rest is read as time allows.
+                # Torque that is on shows that it lost no setting: the rest is read as time allows.
                 self._want_all(index, blocking=False)
             elif self._clock.now_ns() - last > LOOK_NS:  # another may have come to it
                 self._want(index, TORQUE, blocking=False)

@@ -1,4 +1,4 @@
-"""One motor as the loop sees it: its answers matched to commands, and what they say of it."""
+"""One motor as the loop sees it: its answers matched to commands, and the state they report."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Axis:
     fresh : bool
         This cycle's answer is there.
     state : int or None
-        What the motor last said that it is; None: nothing yet.
+        The state that the motor last reported; None: none yet.
     fault : str
-        Why it is not to be driven any more.
+        Why it must not be driven any more, else ''.
     late : int
         Answers that came when their cycle was over.
     wrong : dict
-        What came instead, since the last sample, by cause.
+        Wrong answers since the last sample, counted by cause.
     """
 
     __slots__ = (
@@ -52,7 +52,7 @@ class Axis:
         self.reset()
 
     def rescale(self, scale: Scale) -> None:
-        """Take what the motor's codes are worth."""
+        """Take the scale of the motor's codes."""
         self.scale = scale
         zeros = scale.position_of(0), scale.velocity_of(0), scale.torque_of(0)
         steps = scale.position, scale.velocity, scale.torque

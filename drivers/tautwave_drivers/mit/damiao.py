@@ -117,7 +117,7 @@ def feedback(data: bytes, motor_id: int) -> Feedback | None:
 
 
 def is_parameter(data: bytes) -> bool:
-    """Return whether these bytes are about a register, whoever asked for it.
+    """Return whether these bytes are about a register, also one that another program requested.
 
     They come on the id of the feedback, and would pass as one of a motor at the end of its range.
     """

@@ -4,9 +4,10 @@ A command that `write` takes goes out in the next `request`; the motor measures 
 it, follows it from there on, and answers: one whole period, the declared command delay. The spring
 and the damper that the frame can also carry are zero.
 
-What an answer lacks is a number. One that came when its cycle was over is dropped before the next
-request, one that comes sooner after a request than the wire allows is an older one's. Every answer
-has the motor's state, which a power cycle changes: a motor that is not enabled is not driven on.
+Answers carry no sequence number. One that came when its cycle was over is dropped before the next
+request, one that comes sooner after a request than the wire allows answers an older one. Every
+answer has the motor's state, which a power cycle changes: a motor that is not enabled is not driven
+any more.
 """
 
 from __future__ import annotations

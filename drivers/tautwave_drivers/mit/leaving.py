@@ -1,4 +1,4 @@
-"""Switching motors off: what ended is judged by what each motor says, not by what was sent."""
+"""Switching motors off: whether one is off is judged by its own report, not by what was sent."""
 
 from __future__ import annotations
 

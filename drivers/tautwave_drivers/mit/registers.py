@@ -97,7 +97,7 @@ class Registers:
         return found
 
     def told(self, motor_id: int, answer_id: int, order: bytes) -> Feedback | None:
-        """Send an order such as disable; return what the motor says of itself then."""
+        """Send an order such as disable; return the feedback to it, None where none came."""
         for _ in range(TRIES):
             found: list[Feedback] = []
 

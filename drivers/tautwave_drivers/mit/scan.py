@@ -68,7 +68,7 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
 
 
 def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str, Any]]:
-    """Ask every id for its ESC_ID, whoever answers on whatever id; then read what those are."""
+    """Ask every id for its ESC_ID, accept answers on any id; then read the motors found."""
     found: dict[tuple[int, int], int] = {}
 
     def hear(frame: tuple[int, bytes, int]) -> None:

@@ -1,4 +1,4 @@
-"""Switching drives off: what ended is judged by what the drive says, not by what was sent.
+"""Switching drives off: whether one is off is judged by its own report, not by what was sent.
 
 Nothing here goes through the ledger of settings: it ends at the first write that is not taken, and
 here the motor has to be switched off all the same. The drive's state is read back here.

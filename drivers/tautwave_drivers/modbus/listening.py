@@ -1,7 +1,7 @@
 """Another master at a drive: what only a master writes changes before this one has written.
 
-On a Modbus line or connection nobody hears what others send. A panel writes such values too, and so
-do some drives by themselves, so a change is a warning and no refusal.
+A Modbus master does not receive what others send. A panel writes such values too, and so do some
+drives by themselves, so a change is a warning and not a refusal.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MASTERS: tuple[Role, ...] = (
     "mode",
     "control",
 )
-"""Roles of what a drive is told; what it reports of itself changes anyway."""
+"""Roles that a master writes; what a drive reports changes anyway."""
 
 Values = Mapping[str, int]
 
@@ -33,7 +33,7 @@ Values = Mapping[str, int]
 def changed_by_others(
     clock: Clock, clients: Mapping[Station, Client], before: Mapping[Station, Values], since_ns: int
 ) -> Iterator[Fault]:
-    """Yield a warning for every drive that somebody else commands; nothing is written meanwhile.
+    """Yield a warning for every drive that another master commands; nothing is written meanwhile.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def changed_by_others(
 
 
 def commanded(station: Station, client: Client) -> Values:
-    """Return what a drive holds of what a master tells it; what cannot be read is left out.
+    """Return the values in a drive that a master writes; what cannot be read is left out.
 
     Raises
     ------

@@ -243,7 +243,7 @@ class Station:
             silence_ns = now_ns - self._heard_ns if self._heard_ns else 0
             self._heard_ns = now_ns
             number, read = plan.status
-            # Its status tells a restart, unless it comes on by itself: then what was set is gone.
+            # Its status shows a restart, unless it enables itself: then what was set is gone.
             if (silence_ns > self._forgets_ns or self.resumed) and self._shows_on(
                 read(responses[skip + number])
             ):
@@ -284,7 +284,7 @@ class Station:
         return states is not None and states.enabled.fits(status)
 
     def _unseen(self) -> JointState:
-        """Let the state machine pass a cycle without a sample."""
+        """Advance the state machine by a cycle without a sample; return a missing state."""
         if self.machine is not None and self.on:
             self.machine.step(None, None)
             self._collect_events()

@@ -30,7 +30,7 @@ Key = tuple[int, int]
 def follow(
     objects: ObjectDictionary, found: Sequence[DescribedObject], *, identified: bool
 ) -> int | None:
-    """Make a dictionary that of a file; return its modes as 6502h has them, None: not stated.
+    """Fill a dictionary from a file; return its modes as in 6502h, None where not stated.
 
     `identified`: the rig states the drive's identity, which then stays.
     """

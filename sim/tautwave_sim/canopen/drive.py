@@ -84,7 +84,7 @@ class Drive:
         objects.writers[0x6098, 0] = self._take_homing_method
 
     def support(self, word: int) -> None:
-        """Have the modes of a 6502h only."""
+        """Support only the modes of a value of 6502h."""
         self.modes = tuple(mode for mode in self.modes if word >> mode - 1 & 1)
         self.objects.readers[0x6502, 0] = lambda: word
 

@@ -351,7 +351,7 @@ class Shadow(Servo):
         super().__init__(first.model, memory, first.axis, truth, first.joint)
 
     def pass_slot(self, time_ns: int) -> None:
-        """Let time pass: its watchdog."""
+        """Advance by a slot: only its watchdog acts."""
         self._watch(time_ns)
         self.slot += 1
 

@@ -69,7 +69,7 @@ class Motor:
         self.present = True
         self.free = False
         self.torque = 0.0
-        """[N m] of the motor, as it is told."""
+        """[N m] Torque of the motor, as commanded."""
         self._order = (0.0, 0.0, 0.0, 0.0, 0.0)
         self.heard_ns: int | None = None
 
@@ -85,7 +85,7 @@ class Motor:
         self.turns = -math.floor(at_motor / math.tau + 0.5)
 
     def fail(self, state: int) -> None:
-        """Have an error: torque off until it is cleared."""
+        """Enter an error state: torque off until it is cleared."""
         self.state = state
         self._stop()
 
@@ -103,7 +103,7 @@ class Motor:
         return self.heard_ns + counts * COUNT_NS
 
     def run(self, now_ns: int) -> None:
-        """Let its watchdog trip where it is due."""
+        """Trip the watchdog where it is due."""
         due = self.next_event_ns()
         if due is not None and due <= now_ns:
             self.fail(TIMED_OUT)

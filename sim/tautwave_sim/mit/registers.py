@@ -49,11 +49,11 @@ class Registers:
         self._now = dict(self._saved)
 
     def power_on(self) -> None:
-        """Forget what was not saved."""
+        """Restore the saved values: others are lost."""
         self._now = dict(self._saved)
 
     def save(self) -> None:
-        """Keep all for the next power-on."""
+        """Save all values for the next power-on."""
         self._saved = dict(self._now)
 
     def __getitem__(self, number: int) -> float:

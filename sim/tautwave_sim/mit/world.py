@@ -1,10 +1,10 @@
 """Simulated MIT motors on one CAN bus: its wire, its motors, and the slots that they move on.
 
 A slot begins with the first command of a cycle: all axes move to it, are measured there, and what
-each motor is told in that cycle acts from it on. The commands of a cycle follow one another on the
-wire; each motor's place in it is learnt in the first. The slots begin with the first command after
-all motors are enabled; until then the axes are held. Where no command comes, the axes move on half
-a period late, so that a watchdog that trips is felt.
+each motor is commanded in that cycle acts from then on. The commands of a cycle follow one another
+on the wire; each motor's place in it is learnt in the first. The slots begin with the first command
+after all motors are enabled; until then the axes are held. Where no command comes, the axes move on
+half a period late, so that a watchdog that trips is felt.
 """
 
 from __future__ import annotations

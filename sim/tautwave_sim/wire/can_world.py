@@ -56,14 +56,14 @@ class CanWorld(ABC):
         return None if self._origin_ns is None else t_ns - self._origin_ns
 
     def port_fault(self, port: MediumPort) -> str:
-        """Return what ails the master's `port` now: '', `queue_full`, `bus_off` or `bus_down`."""
+        """Return the fault of the master's `port`: '', `queue_full`, `bus_off` or `bus_down`."""
         if self.plan.idle:
             return "bus_off" if port.off else ""
-        ails = self.plan.port(self.elapsed_ns(self.medium.now_ns))
-        self.medium.down = ails == "bus_down"
-        if ails == "bus_off" and not port.off:
+        fault = self.plan.port(self.elapsed_ns(self.medium.now_ns))
+        self.medium.down = fault == "bus_down"
+        if fault == "bus_off" and not port.off:
             port.leave(self.medium.now_ns)
-        return "bus_off" if port.off and ails != "bus_down" else ails
+        return "bus_off" if port.off and fault != "bus_down" else fault
 
     # -- events ---------------------------------------------------------------------------
 
@@ -90,7 +90,7 @@ class CanWorld(ABC):
         return min((time for time in times if time is not None), default=None)
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`, in its order."""
+        """Process all events up to `to_ns` [ns], in order."""
         while True:
             at_ns = self.next_event_ns()
             if at_ns is None or at_ns > to_ns:

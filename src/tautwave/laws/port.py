@@ -36,14 +36,14 @@ is built up that the tank could not pay for until `effort_rate_limit` is done wi
 
 An emptied tank recovers by a friction: while an end owes and its tank is low, it resists the motion
 of its own device (`recovery_friction`) as a device with more Coulomb friction would. A wave port is
-lossless, so whoever moves the device pays, behind any delay, network or scale, and what is paid is
-in the tank of the end that owes: nothing is sent for it. The bound above does not change, since its
-sum holds for any effort F, and W counts the whole F_max whoever asks for it; so for any two times
-between which an end runs, too. The friction is planned to take only: it acts while the smoothed and
-the predicted velocity have the same sign, and where a prediction errs the tank pays as for any
-effort. While nothing moves, nothing is paid: a hand at rest leaves the leak alone to recover. Nor
-may noise pass for motion: a friction that follows it takes more out of the tank than the leak
-gives, so it begins at the velocity that noise feigns in a period.
+lossless, so the hand that moves the device pays, behind any delay, network or scale, and what is
+paid arrives in the tank of the end that owes: nothing is sent for it. The bound above does not
+change, since its sum holds for any effort F, and W counts the whole F_max whatever requests it; so
+for any two times between which an end runs, too. The friction is planned to take only: it acts
+while the smoothed and the predicted velocity have the same sign, and where a prediction errs the
+tank pays as for any effort. While nothing moves, nothing is paid: a hand at rest leaves the leak
+alone to recover. Nor may noise pass for motion: a friction that follows it takes more out of the
+tank than the leak gives, so it begins at the apparent velocity of noise over a period.
 
 The cap of the tank may not be raised meanwhile by what is owed. The whole run would keep its bound,
 but in a part of it an end could give out what it had taken before.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 class Stated(NamedTuple):
     """How a file is to be read where it does not say so itself.
 
-    `time_unit` is a key of `recordings.times.UNITS`; None: told from the column's name and values.
+    `time_unit` is a key of `recordings.times.UNITS`; None: from the column's name and values.
     `rate_hz` is that of rows without a time, `columns` are the names of a text file's columns
     without a heading, `episode` is that of a dataset with several.
     """

@@ -1,4 +1,4 @@
-"""The unit of a recording's times: stated, told by the column's name or by a date, or refused."""
+"""The unit of a recording's times: stated, from the column's name or a date, or refused."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def in_seconds(
         As for `unit_of_times`.
     notes : list of str, optional
         Gets a sentence where the unit is another than seconds and is given by the file. Without
-        a list nobody would hear of it, and such a unit has to be stated.
+        a list it would not be reported, and such a unit has to be stated.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """`python -m tautwave.report DIR`: complete a run's summary from its recording, draw the report.
 
 `--judge` stops before the drawing and the replay for the run's precision. `--draw` does these of a
-run that was judged, with nobody waiting: what keeps it from that is put into the summary.
+run that was judged, in the background: an error is put into the summary.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tautwave.report.run.rundir import Run
 
 LEAST = 19
-"""Niceness of drawing that nobody waits for: the next run may move motors already."""
+"""Niceness of drawing in the background: the next run may move motors already."""
 
 
 def main() -> int:
@@ -76,7 +76,7 @@ def draw_alone(directory: Path) -> int:
 
     try:
         draw(load_run(directory))
-    except Exception as err:  # noqa: BLE001  nobody reads a traceback of this process
+    except Exception as err:  # noqa: BLE001  a traceback of this process is not seen
         said = str(err) if isinstance(err, TautwaveError) else f"{type(err).__name__}: {err}"
         with suppress(TautwaveError):  # the directory was removed, or is full
             summary, _ = read_summary(directory)

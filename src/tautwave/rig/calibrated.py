@@ -90,7 +90,7 @@ class CalibratedDriver(DriverWrapper):
         self._driver.write(commands)
 
     def witness(self, name: str) -> tuple[float, float]:
-        """Return what a device says of velocity and motor effort, in the axis' direction."""
+        """Return velocity and motor effort a device reports, along the axis [SI]; NaN: none."""
         told: Callable[[str], tuple[float, float]] | None = getattr(self._driver, "witness", None)
         if told is None:
             return math.nan, math.nan

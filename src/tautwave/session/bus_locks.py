@@ -1,9 +1,9 @@
 """One master at a time on a bus: a lock for each endpoint that a run opens.
 
 The lock is a socket of an abstract name, which the kernel removes with its process, however that
-ends. Its names belong to a network namespace, as CAN interfaces and addresses do. Whoever finds it
-taken connects to it, and the kernel says which process holds it. What serves devices, scans or
-views takes none: a bus has one master, and others beside it.
+ends. Its names belong to a network namespace, as CAN interfaces and addresses do. A process that
+finds it taken connects to it, and the kernel says which process holds it. What serves devices,
+scans or views takes none: a bus has one master, and others beside it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def sole_master(endpoints: Mapping[str, str]) -> Iterator[None]:
     Raises
     ------
     DriverError
-        Another process is one's master.
+        Another process is the master of one of them.
     """
     with ExitStack() as stack:
         for bus, named in endpoints.items():

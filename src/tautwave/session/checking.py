@@ -199,7 +199,7 @@ def check(rig: Rig, *, simulate: Simulate = (), brief: bool = False) -> CheckRes
 
 
 def _foreseen(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Yield what files of devices tell of a run before any wire."""
+    """Yield what the devices' own files (EDS, DCF) foresee of a run, with no device opened."""
     for name, bus in rig.own_buses.items():
         plugin = load_driver(bus.driver)
         if plugin.foreseen is None:

@@ -134,7 +134,7 @@ def run(
         Called now and then with the fraction done and a short text.
     warn : callable, optional
         Called, before anything is enabled, with a sentence about each device that no watchdog of
-        its own stops, and about real devices that nobody accepted.
+        its own stops, and about real devices that were not accepted.
     accepting : bool
         This run is part of an acceptance, and not compared with an earlier one.
     draw_later : bool

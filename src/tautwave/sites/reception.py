@@ -1,6 +1,6 @@
-"""Everybody who connects to a serving site, until it is known who it is: one thread, one deadline.
+"""All connections to a serving site, until their certificate is known: one thread, one deadline.
 
-Anybody who reaches the port may connect, from the right peer's own address too. So nobody is turned
+Anyone who reaches the port may connect, from the right peer's own address too. So none is turned
 away on arrival: of too many whose certificate is not known yet, one makes way. First those that
 have failed and only read why, then those that sent nothing for `QUIET_S`, then the rest; of these
 the ones from the address with most of them; of these the oldest.
@@ -38,13 +38,13 @@ Outcome = tuple[Channel, Session] | LinkError
 
 
 class Reasons:
-    """Why handshakes failed, each told once, and only so many: anybody at the port has some."""
+    """Why handshakes failed, each reported once, at most `MOST_REASONS`: anyone may cause some."""
 
     def __init__(self) -> None:
         self._known: set[str] = set()
 
     def is_news(self, error: LinkError) -> bool:
-        """Return whether that is worth telling: a site that is still not there is no news."""
+        """Return whether to report an error: not twice, nor beyond `MOST_REASONS`."""
         why = str(error).partition(": ")[2]
         if why in self._known or len(self._known) == MOST_REASONS:
             return False
@@ -64,13 +64,13 @@ class _Guest:
         self.begun = False
 
     def rank(self, now: float, from_there: int) -> tuple[bool, bool, int, float]:
-        """Return what is greatest for the one that makes way."""
+        """Return a sort key that is greatest for the connection to close first."""
         quiet = not self.begun and now - self.since > QUIET_S
         return self.wish.leaving, quiet, from_there, now - self.since
 
 
 class Reception:
-    """Handshakes with whoever connects.
+    """Handshakes with all that connect.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class Reception:
         self._resume(guest, lambda: next(guest.meeting))
 
     def _resume(self, guest: _Guest, step: Callable[[], Wish]) -> None:
-        """Let a handshake go on, until it waits again or something has come of it."""
+        """Continue a handshake, until it waits again or has a result."""
         try:
             wish = step()
         except StopIteration as found:

@@ -33,9 +33,9 @@ class DriverBench(NamedTuple):
 
     What else may happen to a device, each the reason as text where it cannot: `forget(axis,
     span_ns)` takes its power for so long, and with it what was set in it; `stick(axis)` has it
-    answer and stay on, whatever it is told; `spoil()` has each answer be another's, or to another
-    question; `twin()`, before `open`, puts a second device on the line that obeys the commands of
-    the first axis.
+    answer and stay on, whatever it is commanded; `spoil()` makes each answer that of another device
+    or to another request; `twin()`, before `open`, puts a second device on the line that obeys the
+    commands of the first axis.
     """
 
     driver: Driver
@@ -52,7 +52,7 @@ class DriverBench(NamedTuple):
 
 
 def strike(clock: FakeClock, at_ns: int, blow: Callable[[], None]) -> None:
-    """Have something happen at a time, also within `open`: when the clock is next looked at."""
+    """Call `blow` once at `at_ns` [ns], also within `open`: when the clock is next read."""
     pending = [blow]
 
     def now_ns() -> int:
@@ -283,7 +283,7 @@ class DriverContract:
             assert told or after_ns <= bring_up_ns, f"after {after_ns * 1e-6:g} ms"
 
     def _forgetting(self, bench: DriverBench, axis: int, after_ns: int, span_ns: int) -> bool:
-        """Have a device forget; return whether that was told. It obeys at the end, or is off."""
+        """Cut a device's power; return whether that was reported. At the end it obeys or is off."""
         clock, forget = bench.clock, bench.forget
         assert not isinstance(forget, str)
         at_ns = clock.now_ns() + after_ns

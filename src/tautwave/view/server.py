@@ -273,7 +273,7 @@ class Server:
             await viewer.socket.close(1008, "no place" if viewer.may else "token")
 
     def _seat(self, viewer: Viewer) -> bool:
-        """Let a viewer have rows, if it may and there is a place; return whether it has."""
+        """Give a viewer rows, if it may have them and there is a place; return whether it has."""
         if viewer in self.viewers:
             return True
         if not (self.door.local or viewer.may):

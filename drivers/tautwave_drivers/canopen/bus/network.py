@@ -73,8 +73,8 @@ class Responses:
     `until_ns` is when the transfer under way has to be complete, and `late` whether it was not:
     the library takes segments for as long as they come. `asked` are the bytes that name its object:
     what comes late for another one is dropped. The library would take its abort for this one's, and
-    an object that changes a sign would pass as absent. `twice` counts responses that nobody was
-    owed, as two nodes with one id give; not once a request was `repeated`, which is owed two.
+    an object that changes a sign would pass as absent. `twice` counts responses beyond
+    the one expected, as two nodes with one id give; none after a `repeated` request, which has two.
     """
 
     def __init__(self, net: PolledNetwork) -> None:

@@ -55,7 +55,7 @@ def _default(one: FileObject, node_id: int) -> int | bytes | None:
         return None
     try:
         data = encode(one.default, one.kind, node_id)
-    except UnreadableError:  # of a field that nobody needs
+    except UnreadableError:  # of a field that is not used
         return None
     if one.kind in TEXTS or one.kind in (REAL32, REAL64):
         return data

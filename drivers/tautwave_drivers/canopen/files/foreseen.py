@@ -37,8 +37,8 @@ def no_drive(file: DeviceFile) -> str:
 def lacking(file: DeviceFile, mode: int, needed: Sequence[Entry]) -> Iterator[str]:
     """Yield why a drive as in the file cannot run in `mode`, which needs some objects.
 
-    A file without controlword and statusword lists only some objects, and tells nothing by what it
-    leaves out.
+    A file without controlword and statusword lists only some objects: what it leaves out
+    means nothing.
     """
     known = {o.CONTROLWORD, o.STATUSWORD}
     if any((entry.index, entry.sub) not in file.objects for entry in known):

@@ -19,10 +19,10 @@ is the host."""
 
 TRIES = 3
 SPARE = 5
-"""More tries, of those in which this host itself came late: they say nothing of the servo."""
+"""More tries, of those in which this host itself came late: they do not count against the servo."""
 LATER = 4
-"""So many times its own lateness a host waits for a response: who answers may be a program on it,
-which is called twice where this one is called once."""
+"""A host waits this many times its own lateness for a response: the answer may come from a program
+on the same host, which is scheduled twice where this one is scheduled once."""
 SLOWEST_S = 0.5
 """Whatever the host's lateness [s]."""
 

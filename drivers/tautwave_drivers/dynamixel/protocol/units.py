@@ -44,7 +44,7 @@ class Scale(NamedTuple):
 def whole_turns(scale: Scale, counts: int, position_range: tuple[float, float]) -> int | None:
     """Return the whole turns of a servo that have to be taken off its counts.
 
-    0 where it is within its range, or no number of turns brings it there; None where several do.
+    0 where it is within its range, or no whole turns bring it there; None where several do.
     """
     position = scale.direction * (counts - scale.zero_counts) * scale.position
     geared = math.tau / (COUNTS_PER_TURN * scale.position)

@@ -56,7 +56,7 @@ class Link(ABC):
         self.wrong: dict[int, Counter[Cause]] = {}
 
     def note_wrong(self, units: Iterable[int], cause: Cause) -> None:
-        """Count something that is no response, although one of these units owes one."""
+        """Count something that is not a response while one of these units has to respond."""
         for unit in units:
             self.wrong.setdefault(unit, Counter())[cause] += 1
 

@@ -1,4 +1,4 @@
-"""Bounds outside which an identified number is none of a device that a hand or a drive moves.
+"""Bounds outside which an identified number cannot be of a device that a hand or a drive moves.
 
 They are wide: from the lightest lever with an encoder to the heaviest joint of an industrial robot,
 by a factor of a hundred at either end. What is outside is a wrong unit, of time (a factor of a

@@ -1,4 +1,4 @@
-"""What an encoder's noise has a passive wall give, indefinitely: watts, known beforehand.
+"""Power that a passive wall generates from encoder noise, indefinitely: a bound in watts.
 
 A sample that is off by n has the wall's effort off by e = h * n, h the wall's impulse response, of
 size L = sum |h_j| <= K + 2 g |B| / T; one that is cut off at the wall's edge is off by less. The

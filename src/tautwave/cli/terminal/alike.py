@@ -1,4 +1,4 @@
-"""Facts that many joints have alike, as one line: numbers from the least to the greatest."""
+"""Facts that many joints share, as one line: numbers from the least to the greatest."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 Fact = tuple[str, str]
 
 FEW = 2
-"""So many facts of a kind are shown one by one."""
+"""Up to this many facts of a kind are shown one by one."""
 
 _LABELS = (
     re.compile(r"(?P<kind>offset|load) of (?P<name>\S+)"),

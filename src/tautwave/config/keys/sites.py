@@ -16,7 +16,7 @@ Port = Annotated[int, Field(ge=1, le=65535)]
 
 
 def without_port(bind: str, where: str = "sites.port") -> str:
-    """Return an address to listen on; the port belongs to both sites, and is told at `where`.
+    """Return an address to listen on; the port belongs to both sites, and is given at `where`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What all readers of recordings share: numbers, and their words for what is wrong."""
+"""What all readers of recordings share: numbers, and messages about what is wrong."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""`RIG.accepted.json`: which devices were accepted with a rig, and how they said they were set.
+"""`RIG.accepted.json`: which devices were accepted with a rig, and the settings that they reported.
 
-It stands beside the rig file. A run on hardware compares what its devices say with it.
+It is beside the rig file. A run on hardware compares what its devices report with it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def accepted_path(rig: Path) -> Path:
 
 
 def keep_accepted(rig: Path, devices: Devices, by: str, document: Path) -> Path:
-    """Write what the devices of some axes said; those of other axes stay as they were accepted."""
+    """Write what the devices of some axes reported; entries of other axes stay as they are."""
     path = accepted_path(rig)
     kept = dict(_read(path)) if path.exists() else {}
     content = {
@@ -75,8 +75,8 @@ def comparing(
 ) -> Callable[[], None]:
     """Return a function that compares open buses with what was accepted.
 
-    Axes that nobody accepted are named in one sentence, once; a device that is not as it was
-    accepted is refused. `buses` are those with hardware.
+    Axes that were never accepted are named in one sentence, once; a device that is not as it was
+    accepted is refused (`DeviceFault`). `buses` are those with hardware.
     """
     said_once: set[str] = set()
 

@@ -1,4 +1,4 @@
-"""The motion check: a small known effort both ways against the signs of all that a device tells.
+"""The motion check: a small known effort both ways against the signs of all that a device reports.
 
 What is commanded, the position, and velocity and motor effort where the device measures them, must
 agree. A drive whose positions alone are turned would make a coupling push away from its goal.

@@ -28,7 +28,7 @@ Guide = Callable[["GuidedControl"], Generator[None, None, Any]]
 
 
 def _nothing(name: str) -> tuple[float, float]:
-    """Witness of devices that tell neither."""
+    """Witness of devices that report neither velocity nor effort."""
     return math.nan, math.nan
 
 
@@ -74,7 +74,7 @@ class GuidedControl(Control):
         self._slot = 0
         self._places = {name.name: at for at, name in enumerate(names)}
         self.witness: Callable[[str], tuple[float, float]] = _nothing
-        """What a device says of an axis' velocity and motor effort, along the axis [SI]."""
+        """Velocity and motor effort that a device reports of an axis, along the axis [SI]."""
         self._steps = guide(self)
         self.number = 0
         self.over = False

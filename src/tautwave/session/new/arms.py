@@ -115,7 +115,7 @@ class Joint(NamedTuple):
         guess = rounded(max(BRAKED * self.drive, HELD_S * self.carried))
         given = self.limits.damping
         if given >= 0.5 * guess:
-            return given, "the file's, half of it for certain"
+            return given, "from the file, half of it taken as certain"
         said = f"the file's {given:g} would carry no weight" if given > 0.0 else "the file has none"
         return guess, f"{said}, a guess: TODO `tautwave identify`"
 

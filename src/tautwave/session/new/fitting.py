@@ -40,7 +40,7 @@ def fitted_text(draft: Draft, path: Path) -> str:
 
 
 def _patient(draft: Draft, rig: Rig) -> Draft:
-    """Return a draft with the longest stall that costs no effort, where its devices tell it."""
+    """Return a draft with the longest stall that costs no effort, where devices determine it."""
     limit = longest_overrun(rig, command_delays(rig))
     if limit is None:
         return draft
