@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave_drivers.can.ids import unlisted, unused
 from tautwave_drivers.can.keys import CanKeys
 from tautwave_drivers.cia402.units import INT16, AxisScale, Transmission, axis_scale, limit_counts
 
@@ -221,11 +222,8 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
     for axis in bus.axes:
         found = known.get(axis.device_id)
         if found is None:
-            listed = ", ".join(str(number) for number in sorted(known))
-            problems.append(
-                f"bus {bus.name}: {axis.name} has id {axis.device_id}, but options.nodes lists "
-                f"only {listed}; add it there, with its rated_torque and counts_per_revolution"
-            )
+            needed = "its rated_torque and counts_per_revolution"
+            problems.append(unlisted(bus, axis, "node", known, needed))
         elif axis.kind == "linear" and found.feed is None:
             problems.append(
                 f"bus {bus.name}: {axis.name} is linear, but node {found.id} has no feed; "
@@ -259,12 +257,7 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
                 f"{axis.effort_limit / scale(found, axis).effort_quantum:.3g} per mille of rated; "
                 "6071h holds 1 to 32766: correct rated_torque, gear_ratio or effort_limit"
             )
-    used = {axis.device_id for axis in bus.axes}
-    problems.extend(
-        f"bus {bus.name}: node {number} in options.nodes is not an axis of the rig; remove it there"
-        for number in known
-        if bus.axes and number not in used
-    )
+    problems += unused(bus, "node", known)
     if problems:
         raise ConfigError(problems)
     return [known[axis.device_id] for axis in bus.axes]

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave_drivers.can.ids import unlisted, unused
 from tautwave_drivers.can.keys import CanKeys
 from tautwave_drivers.mit import damiao
 
@@ -125,20 +126,11 @@ def motors_of(options: MitOptions, bus: BusSpec) -> list[Motor]:
     for axis in bus.axes:
         motor = known.get(axis.device_id)
         if motor is None:
-            listed = ", ".join(str(number) for number in sorted(known))
-            problems.append(
-                f"bus {bus.name}: {axis.name} has id {axis.device_id}, but options.motors lists "
-                f"only {listed}; add it there, with the ranges that `tautwave scan mit` shows"
-            )
+            needed = "the ranges that `tautwave scan mit` shows"
+            problems.append(unlisted(bus, axis, "motor", known, needed))
         elif problem := _axis_problem(axis, motor):
             problems.append(f"bus {bus.name}: {axis.name}{problem}")
-    used = {axis.device_id for axis in bus.axes}
-    problems.extend(
-        f"bus {bus.name}: motor {number} in options.motors is not an axis of the rig; remove it "
-        "there"
-        for number in known
-        if bus.axes and number not in used
-    )
+    problems += unused(bus, "motor", known)
     if problems:
         raise ConfigError(problems)
     return [known[axis.device_id] for axis in bus.axes]

@@ -97,6 +97,23 @@ def test_an_axis_that_is_not_its_motors_is_refused(axis: AxisSpec, words: str) -
         motors_of(options, BusSpec("can", (axis,), 1000.0))
 
 
+def test_ids_that_only_the_rig_or_only_the_options_have_are_named() -> None:
+    options, bus = joints(3, 400.0)
+    axis = bus.axes[1]._replace(device_id=9)
+    with pytest.raises(ConfigError) as refused:
+        motors_of(options, bus._replace(axes=(bus.axes[0], axis)))
+    assert list(refused.value.problems) == [
+        f"bus {bus.name}: {axis.name} has id 9, but options.motors lists only 1, 2, 3; add it "
+        "there, with the ranges that `tautwave scan mit` shows",
+        *(
+            f"bus {bus.name}: motor {number} in options.motors is not an axis of the rig; remove "
+            "it there"
+            for number in (2, 3)
+        ),
+    ]
+    assert motors_of(options, bus._replace(axes=())) == []
+
+
 @pytest.mark.parametrize(
     ("position", "limits", "turns"),
     [
