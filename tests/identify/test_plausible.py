@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave.analysis.identification.plausible import LINEAR, ROTARY, bound_of, implausible
+from tautwave.analysis.identification.plausible import BOUNDS, bound_of, implausible
 from tautwave.analysis.identification.regression import Estimate
 from tautwave.recordings.stated import Stated
 from tautwave.session.identification.lever import identify_lever
@@ -94,7 +94,8 @@ def test_weights_of_links_are_bounded(name: str, value: float, said: str | None)
 
 @pytest.mark.parametrize("rotary", [True, False])
 def test_each_bound_refuses_what_is_beyond_it_and_nothing_inside(rotary: bool) -> None:
-    for name, bound in (ROTARY if rotary else LINEAR).items():
+    for name, (turns, slides) in BOUNDS.items():
+        bound = turns if rotary else slides
         inside = [bound.least, bound.greatest, -bound.greatest]
         assert not [s for value in inside for s in implausible({name: value}, rotary)]
         assert len(implausible({name: 1.01 * bound.greatest}, rotary)) == 1

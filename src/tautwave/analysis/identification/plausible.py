@@ -19,49 +19,33 @@ class Bound(NamedTuple):
     unit: str
 
 
-ROTARY = {
-    "inertia": Bound(1e-9, 1e4, "kg m^2"),
-    "damping": Bound(0.0, 1e5, "N m s/rad"),
-    "coulomb": Bound(0.0, 1e4, "N m"),
-    "bias": Bound(0.0, 1e5, "N m"),
-    "stiffness": Bound(1e-5, 1e9, "N m/rad"),
-    "preload": Bound(0.0, 1e5, "N m"),
-    "offset": Bound(0.0, 1e5, "N m"),
-    "peak_velocity": Bound(1e-5, 1e4, "rad/s"),
-    "position": Bound(1e-7, 1e6, "rad"),
-    "position_noise": Bound(0.0, 0.3, "rad"),
-    "lag": Bound(0.0, 1.0, "s"),
-    "link_mass": Bound(0.0, 1e4, "kg"),
-    "centre": Bound(0.0, 10.0, "m"),
+BOUNDS = {
+    "inertia": (Bound(1e-9, 1e4, "kg m^2"), Bound(1e-7, 1e5, "kg")),
+    "damping": (Bound(0.0, 1e5, "N m s/rad"), Bound(0.0, 1e7, "N s/m")),
+    "coulomb": (Bound(0.0, 1e4, "N m"), Bound(0.0, 1e5, "N")),
+    "bias": (Bound(0.0, 1e5, "N m"), Bound(0.0, 1e6, "N")),
+    "stiffness": (Bound(1e-5, 1e9, "N m/rad"), Bound(1e-4, 1e10, "N/m")),
+    "preload": (Bound(0.0, 1e5, "N m"), Bound(0.0, 1e6, "N")),
+    "offset": (Bound(0.0, 1e5, "N m"), Bound(0.0, 1e6, "N")),
+    "peak_velocity": (Bound(1e-5, 1e4, "rad/s"), Bound(1e-6, 1e3, "m/s")),
+    "position": (Bound(1e-7, 1e6, "rad"), Bound(1e-9, 1e3, "m")),
+    "position_noise": (Bound(0.0, 0.3, "rad"), Bound(0.0, 0.01, "m")),
+    "lag": (Bound(0.0, 1.0, "s"), Bound(0.0, 1.0, "s")),
+    "link_mass": (Bound(0.0, 1e4, "kg"), Bound(0.0, 1e4, "kg")),
+    "centre": (Bound(0.0, 10.0, "m"), Bound(0.0, 10.0, "m")),
 }
-"""Of a rotary axis; `position` is the distance that was moved."""
-LINEAR = {
-    "inertia": Bound(1e-7, 1e5, "kg"),
-    "damping": Bound(0.0, 1e7, "N s/m"),
-    "coulomb": Bound(0.0, 1e5, "N"),
-    "bias": Bound(0.0, 1e6, "N"),
-    "stiffness": Bound(1e-4, 1e10, "N/m"),
-    "preload": Bound(0.0, 1e6, "N"),
-    "offset": Bound(0.0, 1e6, "N"),
-    "peak_velocity": Bound(1e-6, 1e3, "m/s"),
-    "position": Bound(1e-9, 1e3, "m"),
-    "position_noise": Bound(0.0, 0.01, "m"),
-    "lag": Bound(0.0, 1.0, "s"),
-    "link_mass": Bound(0.0, 1e4, "kg"),
-    "centre": Bound(0.0, 10.0, "m"),
-}
-"""Of a linear axis."""
+"""Of a rotary and of a linear axis; `position` is the distance that was moved."""
 ALIASES = {"mass": "inertia"}
 
 
 def bound_of(name: str, rotary: bool | None) -> Bound | None:
     """Return the bound of a quantity; where the kind of axis is unknown, that of both together."""
-    name = ALIASES.get(name, name)
-    if rotary is not None:
-        return (ROTARY if rotary else LINEAR).get(name)
-    turns, slides = ROTARY.get(name), LINEAR.get(name)
-    if turns is None or slides is None:
+    pair = BOUNDS.get(ALIASES.get(name, name))
+    if pair is None:
         return None
+    turns, slides = pair
+    if rotary is not None:
+        return turns if rotary else slides
     least, greatest = min(turns.least, slides.least), max(turns.greatest, slides.greatest)
     return Bound(least, greatest, "")
 
