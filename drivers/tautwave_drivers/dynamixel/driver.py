@@ -326,7 +326,7 @@ class DynamixelDriver(DriverBase):
             if watch.requests and watch.urgent:
                 watch.read_pending(deadline_ns, self._faults)
                 return [MISSING] * len(self._axes)
-            self._exchange.collect(deadline_ns)
+            self._exchange.collect(watch.samples_until(self._exchange.due_ns, deadline_ns))
             states = []
             alert = 0
             for (position, velocity, effort, zero), values in zip(

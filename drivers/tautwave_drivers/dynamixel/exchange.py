@@ -177,6 +177,11 @@ class Exchange:
         self._due_ns = self._sent_ns + self._response_ns
         self._earliest_ns = self._sent_ns if self.on_wire else now_ns
 
+    @property
+    def due_ns(self) -> int:
+        """When the last response is in, if none is late [ns]."""
+        return self._due_ns
+
     def takes_wire_time(self, now_ns: int) -> bool:
         """Return whether a complete response that has just come took as long as on a wire."""
         margin_ns = self._wire_ns // 10

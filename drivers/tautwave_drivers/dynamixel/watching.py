@@ -29,6 +29,9 @@ from tautwave_drivers.dynamixel.state import (
     watchdog_fault,
 )
 
+MARGIN_NS = 1_000_000
+"""Least time that a slow bus leaves beyond that of its reads: the host may wake late."""
+
 LOOK_NS = 100_000_000
 """How often an alert that stays, of an error that is tolerated, is looked into."""
 
@@ -84,6 +87,21 @@ class Watch:
     def urgent(self) -> bool:
         """Whether the last cycles left no time to read them."""
         return self._deferred > (0 if self.unseen else MAX_DEFERRED)
+
+    def samples_until(self, due_ns: int, deadline_ns: int) -> int:
+        """Return until when samples may be waited for, so that time is left for reading.
+
+        On a slow bus every servo may have restarted between two cycles, and none is seen before it
+        is read: waiting for one that is gone would cost the samples of all others.
+        """
+        if not self.unseen or 2 * self._bus.period_ns < FORGETS_NS:
+            return deadline_ns
+        reads_ns = sum(
+            self._line.read_ns(register.size) + self._slack_ns
+            for index, register in self.requests
+            if index not in self._silent
+        )
+        return min(deadline_ns, max(due_ns, deadline_ns - reads_ns - max(reads_ns, MARGIN_NS)))
 
     def note_silence(self, gap_ns: int) -> None:
         """Note how long the host was silent: every servo may have forgotten meanwhile."""

@@ -273,6 +273,27 @@ def test_a_servo_that_was_only_off_the_line_goes_on() -> None:
     assert_safe(made)
 
 
+@pytest.mark.parametrize("dead", [0, 1, 2])
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 40.0, 50.0, 100.0, 500.0])
+def test_a_dead_servo_costs_no_sample_of_the_others_at_any_rate(rate_hz: float, dead: int) -> None:
+    """Where a period is longer than a restart takes, the others are read in each of them."""
+    made = rig({}, {}, {}, rate_hz=rate_hz, watchdog_s=2.5)
+    made.enable()
+    made.cycle()
+    made.line.servos[dead].deaf = True
+    for _ in range(20):
+        states, faults = made.cycle()
+        assert [state.valid for state in states] == [index != dead for index in range(3)]
+        assert not faults
+    made.line.servos[dead].deaf = False
+    for _ in range(10):
+        states, faults = made.cycle()
+        assert not faults
+    assert all(state.valid for state in states)
+    made.driver.close()
+    assert_safe(made)
+
+
 @pytest.mark.parametrize("status_block", [False, True])
 @pytest.mark.parametrize(
     ("register", "value", "words"),
