@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Cause(NamedTuple):
-    """Why an answer is none to what was asked, as it follows `12 answers, all`, and what to do."""
+    """Why an answer does not fit the request, worded to follow `12 answers, all`; and a remedy."""
 
     text: str
     remedy: str

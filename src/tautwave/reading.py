@@ -1,4 +1,4 @@
-"""Opening what is named as a file: a pipe is not waited for, a device is not read without end."""
+"""Opening files: a pipe is refused without waiting, a device without reading it endlessly."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Exchange:
     Attributes
     ----------
     missing : int
-        Answers still to come in this cycle; set by who asks.
+        Answers still to come in this cycle; set by the caller.
     lost : str
         Why the bus cannot be used any more, else ''.
     """

@@ -53,7 +53,7 @@ class Axis:
     late, short, lost : int
         TPDOs for an older SYNC, with too few bytes, or missing; `lost_then` a second ago or less.
     told : Told
-        What it says of velocity and torque, where somebody asks.
+        Velocity and torque that it reports, where they are requested.
     loans : dict of Entry to int
         What was found in objects that are changed while the bus is open: 6072h, watchdogs.
     unwatched : str
@@ -359,7 +359,7 @@ class Axis:
         )
 
     def witnessed(self) -> tuple[float, float]:
-        """Return what the drive says of velocity and motor effort along the axis, from now on."""
+        """Return velocity and motor effort along the axis [SI], read from now on; NaN: not yet."""
         self.told.wanted = True
         return (
             self._sign * self.told.velocity * self.scale.velocity_quantum,

@@ -289,7 +289,7 @@ class CanopenDriver(DriverBase):
         return {name: why for name, why in found.items() if why}
 
     def witness(self, name: str) -> tuple[float, float]:
-        """Return what a drive says of velocity and motor effort, read from now on."""
+        """Return velocity and motor effort of a drive [SI], read from now on; NaN: not yet."""
         (axis,) = (axis for axis in self._axes if axis.spec.name == name)
         return axis.witnessed()
 

@@ -71,7 +71,7 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
 
 
 def _foreseen(file: DeviceFile, device: FoundDevice) -> list[str]:
-    """Return what a run would say of a drive as in its file.
+    """Return the sentences of a run on a drive as its file describes it.
 
     Raises
     ------

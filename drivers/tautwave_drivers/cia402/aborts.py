@@ -41,7 +41,7 @@ ABORT_CODES = {
 """SDO abort codes of CiA 301."""
 
 NOT_NOW = frozenset((0x05040000, 0x05040005, 0x06060000, 0x08000020, 0x08000021, 0x08000022))
-"""Those that say of an object that was read neither that it exists nor that it does not."""
+"""Aborts of a read that do not decide whether the object exists."""
 
 NO_OBJECT = frozenset((0x06020000, 0x06090011))
 """Those that say that there is no such object, or no such sub-index."""

@@ -146,7 +146,7 @@ def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int
         return row
 
     def value(register: Register | None) -> int | None:
-        """Return what a register holds; None where there is none, or it does not tell."""
+        """Return the value of a register; None where there is none, or no valid answer."""
         if register is None:
             return None
         found = line.read(device_id, register.address, register.size)

@@ -76,7 +76,7 @@ class Bringup:
         return [self._prepare(*pair) for pair in zip(self._bus.axes, motors, strict=True)]
 
     def _meet(self, motors: Sequence[Motor]) -> None:
-        """Hear every motor once; say of all that are silent that they are."""
+        """Read every motor once; name all that do not answer (`DriverError`)."""
         silent: list[str] = []
         heard: list[str] = []
         for axis, motor in zip(self._bus.axes, motors, strict=True):

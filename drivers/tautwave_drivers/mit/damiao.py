@@ -107,7 +107,7 @@ FEEDBACK = struct.Struct(">BHBBBBB")
 
 
 def feedback(data: bytes, motor_id: int) -> Feedback | None:
-    """Return what a motor says of itself, None if this is not the feedback of that motor."""
+    """Return the feedback of a motor, None if the data are not feedback of that motor."""
     if len(data) != 8 or data[0] & 0xF != motor_id & 0xF or is_parameter(data):
         return None
     head, position, speed, middle, torque, driver, rotor = FEEDBACK.unpack(data)
@@ -135,7 +135,7 @@ def write_register(motor_id: int, register: Register, value: float) -> bytes:
 
 
 def register_value(data: bytes, motor_id: int, register: Register) -> float | None:
-    """Return the value that the answer to a read has, None if this is none to that read."""
+    """Return the value in the answer to a read, None if the data do not answer that read."""
     if len(data) == 8 and data[:4] == struct.pack("<HBB", motor_id, READ, register.number):
         return register.decode(data[4:])
     return None

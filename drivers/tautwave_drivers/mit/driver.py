@@ -295,7 +295,7 @@ class MitDriver(DriverBase):
         }
 
     def witness(self, name: str) -> tuple[float, float]:
-        """Return what a motor says of its velocity [rad/s] and torque [N m], NaN if nothing."""
+        """Return velocity [rad/s] and torque [N m] that a motor reports; NaN: no answer."""
         (axis,) = (axis for axis in self._axes if axis.spec.name == name)
         return (axis.velocity, axis.torque) if axis.fresh else (math.nan, math.nan)
 

@@ -125,7 +125,7 @@ class Enabling:
             return
 
     def _step(self, at: int, axis: Axis) -> None:
-        """Tell a motor what is due."""
+        """Send a motor the next frame that is due."""
         state = axis.state
         if state not in (None, damiao.DISABLED, damiao.ENABLED):
             assert state is not None

@@ -61,7 +61,7 @@ def leave_again(
     axes: Sequence[Axis],
     doubtful: Mapping[str, str],
 ) -> dict[str, str]:
-    """Try again, on a port that `connect` opens anew where it is lost; return who is left."""
+    """Try again, on a port that `connect` opens anew where it is lost; return the rest."""
     left = dict(doubtful)
     until = clock.now_ns() + AGAIN_NS
     while True:
@@ -77,7 +77,7 @@ def leave_again(
 
 
 def _drop(port: FramePort, clock: Clock) -> None:
-    """Drop what is in from before: it confirms nothing."""
+    """Discard frames that were received before: they confirm nothing."""
     clock.wait(port, clock.now_ns())
     for _ in range(1000):
         if port.receive() is None:

@@ -49,7 +49,7 @@ class Registers:
     def answers(
         self, motor_id: int, answer_id: int | None, register: Register, *, first: bool = False
     ) -> list[tuple[int, float]]:
-        """Return ids and values that come on a read: of all who think it is theirs, or one id."""
+        """Return ids and values that answer a read: of all motors that respond, or on one id."""
         found: list[tuple[int, float]] = []
 
         def take(can_id: int, data: bytes) -> bool:
@@ -131,7 +131,7 @@ class Registers:
                 return
 
     def _take_in(self) -> None:
-        """Drop what is in from before: it answers nothing that follows."""
+        """Discard frames that were received before: they answer no later request."""
         self._clock.wait(self._port, self._clock.now_ns())
         for _ in range(BATCH):
             if self._receive() is None:

@@ -1,4 +1,4 @@
-"""Options of simulated MIT motors: what they need of the bus' block, and what is theirs."""
+"""Options of simulated MIT motors: the keys of the bus that they need, and their own."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def frame_bits(can_id: int, data: bytes) -> int:
 
 
 def priority(can_id: int) -> tuple[int, bool, int]:
-    """Return what decides who gets the bus: of the same 11 bits, the frame without 18 more."""
+    """Return the order of arbitration, least first: 11 bits before 29 that begin with them."""
     if can_id & EXTENDED:
         return can_id >> 18 & 0x7FF, True, can_id & 0x3FFFF
     return can_id, False, 0

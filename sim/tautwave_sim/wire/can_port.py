@@ -195,7 +195,7 @@ def message_of(can_id: int, data: bytes, fd: bool) -> Any:
 
 
 def frame_of(message: Any, world: CanWorld) -> Frame | None:
-    """Return a frame of python-can for a bus, None if it is none of data that the bus has."""
+    """Return a frame of python-can for a bus, None if it is not a data frame of its kind."""
     can_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
     if message.is_remote_frame or message.is_error_frame:
         return None

@@ -31,7 +31,7 @@ _NAMED = {
 
 
 def plain(name: str) -> str:
-    """Return a column's name in small letters, with one underscore for all that is none."""
+    """Return a column's name in lower case, with an underscore for each run of other characters."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower().replace("µ", "u").replace("μ", "u")).strip("_")
 
 

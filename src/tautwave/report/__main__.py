@@ -54,7 +54,7 @@ def judge(run: Run) -> None:
 
 
 def draw(run: Run) -> None:
-    """Replay a run that was judged, for its precision; write summary, page, and what is beside."""
+    """Replay a run that was judged, for its precision; write summary, page and files beside it."""
     from tautwave.report.arms.files import write_arms
     from tautwave.report.hooks import report_hooks
     from tautwave.report.precision.oracle import measure_precision

@@ -34,8 +34,8 @@ STEP_SHARE = 0.8
 """Of a step's square: the greatest variance that rounding shows as in third differences."""
 
 LEAST_SHARE = 1e-6
-"""Of the velocity limit: a deviation that reads as less in a period is none. What it makes leak is
-in proportion to its square, 1e-12 of the power of a device at its limit."""
+"""Of the velocity limit: a deviation that reads as less in a period is ignored. The leak that it
+causes is in proportion to its square, 1e-12 of the power of a device at its limit."""
 
 SLIPPED = 0.1
 """Of an encoder's step or noise: how far a device may go while the host samples it late."""

@@ -41,7 +41,7 @@ def slave_offset(keys: PairKeys) -> tuple[float | None, float]:
 
 
 def scaled(rig: Rig, factor: float) -> Rig:
-    """Return a rig whose pairs have a factor on their `position_scale`."""
+    """Return a rig with the `position_scale` of all pairs multiplied by `factor` [1]."""
     pairs = {
         name: pair.model_copy(update={"position_scale": factor * pair.position_scale})
         for name, pair in rig.coupling.pairs.items()

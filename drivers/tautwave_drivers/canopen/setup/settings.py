@@ -340,7 +340,7 @@ def _unknown_reaction(
 ) -> str:
     """Return what is not known of how 6007h = `loss` ends the torque, '' if all is.
 
-    A `quick_stop_option` of the manufacturer's is known to who stated it in the rig.
+    A `quick_stop_option` of the manufacturer's counts as known where the rig states it.
     """
     index = NEXT.get(loss or 0, 0)
     value = held.get(index)

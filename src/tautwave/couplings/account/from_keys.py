@@ -25,7 +25,7 @@ moves the follower then comes of level damping."""
 
 
 NOISE_MARGIN = 0.25
-"""Of what noise and steps would take from an effort that acts at once, what is given beyond."""
+"""Share given beyond what noise and steps would take from an effort that acts at once."""
 
 FRICTIONS = 2.0
 """Times its own Coulomb friction, what a leader resists with for a law that leaves it alone."""

@@ -100,7 +100,13 @@ def _number(cell: str, separator: str) -> float | None:
 
 
 def text_names(path: Path, stated: Stated) -> list[str]:
-    """Return the names of the columns of a text file."""
+    """Return the names of the columns of a text file.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read as text, or its heading contradicts `stated`.
+    """
     try:
         with _text(path) as stream:
             return _heading(path, stream, stated).names
@@ -113,7 +119,16 @@ def text_names(path: Path, stated: Stated) -> list[str]:
 def text_columns(
     path: Path, wanted: Sequence[str], stated: Stated, *, holes: bool
 ) -> dict[str, Array]:
-    """Read some columns of a text file; the first of them is the time, unless a rate is stated."""
+    """Read some columns of a text file; the first of them is the time, unless a rate is stated.
+
+    Each is of shape (rows,), in the file's units; with `holes` an empty cell is NaN.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read, lacks a column, has a cell that is not a finite number, times that do not
+        increase, fewer than two rows, or more than `MOST_ROWS`.
+    """
     timed = stated.rate_hz is None
     rows_read: list[list[float]] = []
     try:
@@ -149,7 +164,7 @@ def text_columns(
                         f"but {numbers[0]:.12g} follows {rows_read[-1][0]:.12g}"
                     )
                 if len(rows_read) == MOST_ROWS:
-                    raise ConfigError(f"{path}: more than {MOST_ROWS} rows; cut it, or thin it out")
+                    raise ConfigError(f"{path}: more than {MOST_ROWS} rows; shorten or decimate it")
                 rows_read.append(numbers)
     except (OSError, UnicodeDecodeError, csv.Error) as err:
         raise ConfigError(f"{path}: the recording cannot be read: {err}") from err

@@ -76,7 +76,8 @@ def comparing(
     """Return a function that compares open buses with what was accepted.
 
     Axes that were never accepted are named in one sentence, once; a device that is not as it was
-    accepted is refused (`DeviceFault`). `buses` are those with hardware.
+    accepted is refused. `buses` are those with hardware. The function raises `DeviceFault` for such
+    a device, and `ConfigError` where the file of accepted devices is damaged.
     """
     said_once: set[str] = set()
 

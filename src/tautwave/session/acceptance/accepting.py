@@ -129,7 +129,7 @@ def _stage(
     ways: Ways,
     said: dict[str, Mapping[str, str]],
 ) -> Iterator[Check]:
-    """Run a stage and yield its checks; what devices say of themselves is put into `said`."""
+    """Run a stage and yield its checks; what devices report is put into `said`."""
     if stage in ("gentle", "full"):
         yield from _coupled(stage, asked, talk, out, ways)
         return

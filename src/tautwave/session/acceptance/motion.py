@@ -86,7 +86,7 @@ def judged(what: str, pushed: Pushed, axis: Axis) -> Check:
         wrong.append("travel")
     if wrong:
         numbers["against the push"] = ", ".join(wrong)
-    return Check("motion", what, numbers, "all along the push, no further than 5 deg or mm",
+    return Check("motion", what, numbers, "all along the push, at most 5 deg or 5 mm",
                  not wrong)  # fmt: skip
 
 

@@ -159,7 +159,7 @@ class Joint(NamedTuple):
 
 
 def rounded(value: float, digits: int = 2) -> float:
-    """Return a value with so many significant digits."""
+    """Return a value rounded to this many significant digits, in its own unit."""
     return float(f"{value:.{digits}g}")
 
 
@@ -169,7 +169,7 @@ def read_arm(file: Path, tip: str | None, base: str | None) -> Arm:
     Raises
     ------
     ConfigError
-        It cannot be read, or is no serial chain: with a tip that would do.
+        It cannot be read, or is not a serial chain; the message names a tip that would do.
     """
     try:
         found = read_urdf(file, tip, base)
