@@ -64,7 +64,7 @@ class DriverBase(ABC):
 
     @abstractmethod
     def _release(self) -> None:
-        """Close what was opened, without a word to the devices; idempotent."""
+        """Close what was opened, with nothing sent to the devices; idempotent."""
 
     def _not_closed(self, err: Exception) -> None:
         self.notes.append(f"bus {self._bus.name}: closing: {err}")

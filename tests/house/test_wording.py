@@ -38,6 +38,12 @@ PHRASES = {
     r"\bgo(?:es|ing)? on from there\b": "resumes",
     r"\bwhat people should know\b": "status messages",
     r"\b(?:are|were|be|was) told (?:of|apart|from|that|what|to)\b": "given, or distinguished",
+    r"\bnobody (?:has )?(?:tried|accepted|listed|waits)\b": "untested, not accepted, not listed",
+    r"\b[Ll]et everything happen\b": "process all events",
+    r"\b(?:befalls|ails)\b": "the fault of a device",
+    r"\bis to be believed\b": "credible, or plausible",
+    r"\bso many a second\b": "at this rate",
+    r"\bwhoever asked for\b": "whatever requested",
     r", for (?:it|nothing|there|that|the network) (?:is|has|would|are)\b": "because",
 }
 """Pattern of a phrase, and what to write instead."""

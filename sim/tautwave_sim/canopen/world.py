@@ -178,7 +178,7 @@ class DriveBus(CanWorld):
 
 
 def _planned_faults(device: Device, quirks: Quirks) -> list[Planned]:
-    """Return what befalls a device, and when."""
+    """Return the faults planned for a device, each with its time [s]."""
 
     def stop_beating(now_ns: int) -> None:
         device.beats = False

@@ -91,7 +91,7 @@ class ServoWorld:
         self.bus.start(clock.now_ns())
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns` [ns]."""
         self.line.advance(to_ns)
 
     def close(self) -> None:

@@ -118,7 +118,7 @@ class MotorBus(CanWorld):
 
 
 def _planned_faults(motor: Motor, quirks: Quirks) -> list[Planned]:
-    """Return what befalls a motor, and when."""
+    """Return the faults planned for a motor, each with its time [s]."""
 
     def fall_silent(now_ns: int) -> None:
         motor.power_on()

@@ -111,7 +111,7 @@ class FaultPlan:
         ]
 
     def drive_events(self, unit: int, t_ns: int | None) -> list[tuple[str, int | None]]:
-        """Return what befalls a drive with this request to it: kind and code, each once."""
+        """Return the faults due with this request to a drive: kind and code, each once."""
         return [
             (event.kind, event.code)
             for event in self._events

@@ -90,7 +90,7 @@ class ModbusSimulator:
         return TcpMemoryPort(side, self._clock, f"{self._name}: {endpoint}")
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns` [ns]."""
         if self._line is not None:
             self._line.advance(to_ns)
         for side in self._sides.values():

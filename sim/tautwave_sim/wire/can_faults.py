@@ -147,10 +147,10 @@ class CanFaultPlan:
         return bytes(spoilt)
 
     def port(self, t_ns: int | None) -> str:
-        """Return what ails the master's port at `t_ns`: '' or the worst of the port faults."""
-        ails = {event.kind for event in self._events if event.holds(t_ns)}
+        """Return the fault of the master's port at `t_ns`: '' or the worst of the port faults."""
+        faults = {event.kind for event in self._events if event.holds(t_ns)}
         for kind in ("bus_down", "bus_off", "queue_full"):
-            if kind in ails:
+            if kind in faults:
                 return kind
         return ""
 

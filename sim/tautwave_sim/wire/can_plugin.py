@@ -51,7 +51,7 @@ class CanSimulator:
             self.transport = MasterPort(self.world, clock, depth)
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns` [ns]."""
         self.transport.advance(to_ns)
 
     def close(self) -> None:

@@ -85,12 +85,12 @@ class MasterPort:
         """
         world = self._world
         world.advance(self._clock.now_ns())
-        ails = world.port_fault(self._port)
-        if ails == "bus_down":
+        fault = world.port_fault(self._port)
+        if fault == "bus_down":
             raise DriverError(
                 "the CAN interface is down or was removed; check the cable and `ip link`"
             )
-        if ails == "bus_off":
+        if fault == "bus_off":
             raise DriverError(
                 "the CAN controller is bus-off: its frames were destroyed again and again; check "
                 "bitrate, termination and cable"

@@ -15,7 +15,7 @@ from tautwave_sim.wire.can_medium import CanMedium, MediumPort
 
 Device = TypeVar("Device")
 Planned = tuple[float | None, Callable[[int], None]]
-"""When something befalls a device [s], None for never, and what is called with the time [ns]."""
+"""When a fault of a device is due [s], None for never, and what is called with the time [ns]."""
 
 
 class CanWorld(ABC):
@@ -76,7 +76,7 @@ class CanWorld(ABC):
         """Let slots and devices act that are to act at `at_ns`."""
 
     def _befalls(self, at: int, planned: Iterable[Planned]) -> None:
-        """Plan what befalls device `at`, counted from when the devices begin to move."""
+        """Plan the faults of device `at`, counted from when the devices begin to move."""
         self._due += [
             (round(at_s * 1e9), at, action) for at_s, action in planned if at_s is not None
         ]

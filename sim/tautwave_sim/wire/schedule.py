@@ -24,7 +24,7 @@ class Schedule:
         return self._events[0][0] if self._events else None
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns` [ns]."""
         while self._events and self._events[0][0] <= to_ns:
             time_ns, _, action = heapq.heappop(self._events)
             self._now_ns = max(self._now_ns, time_ns)

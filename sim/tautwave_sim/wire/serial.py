@@ -249,7 +249,7 @@ class MemoryPort:
         return self._line.next_event_ns()
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns` [ns]."""
         self._line.advance(to_ns)
 
     def readable(self) -> bool:

@@ -22,7 +22,7 @@ counted already, hold no more than F (blind T + ramp / 2). No effort works furth
 stop to the other, F S. W is lost once only, below the reserve twice: an overdrawn port sends no
 effort in a stop, so that the claim holds to the last command.
 
-It is of one axis, whoever asked for the effort: what is sent is limited to F, so that the port and
+It is of one axis, whatever requested the effort: what is sent is limited to F, so that the port and
 a local wall beside it give W in a stall together. A wall repays what it gave in a stall before it
 gives again (`laws.wall.control_wall`), but the port may be held in the next one: what a wall may
 owe is `owed`, which only a run with several stalls can see.

@@ -1,7 +1,7 @@
 """What each axis of a pair supplied in a run, compared with what was claimed beforehand.
 
 Both are as its encoder sees it, from the recording, and of the port and a local wall together: what
-is sent is limited whoever asked for it. Of the wall that is what it gave beyond what its spring
+is sent is limited whatever requested it. Of the wall that is what it gave beyond what its spring
 held at the start and what the device's damping took while it pushed, for which it is certified.
 
 A device that is beyond its velocity limit by more than its motor can have made of it was hit from

@@ -99,8 +99,8 @@ def velocity_doubt(rig: Rig, axis_name: str) -> float:
 def axis_claim(rig: Rig, axis_name: str, delay: CommandDelay) -> Claim:
     """Return what an axis may supply, by the axis alone: no reserve, no leak, and no spring.
 
-    All that a motor sends is limited to its effort, whoever asked for it, and to what the bound for
-    stalls leaves of it.
+    All that is sent to a motor is limited to its effort, whatever requested it, and to what the
+    bound for stalls leaves of it.
     """
     axis, has = rig.axes[axis_name], axis_allowance(rig, axis_name, delay)
     takes_effort = not math.isinf(has.inertia)

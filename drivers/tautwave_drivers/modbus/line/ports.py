@@ -125,7 +125,7 @@ class PortGroup:
         return min((event for event in events if event is not None), default=None)
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns` [ns]."""
         for port in self._ports:
             port.advance(to_ns)
 

@@ -64,7 +64,7 @@ class TcpSide(Schedule):
         self._refuses_ns: int | None = None
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`, failures of the link last."""
+        """Process all events up to `to_ns` [ns], failures of the link last."""
         super().advance(to_ns)
         for failure in self._bus.plan.link_failures(self._bus.elapsed_ns(self._now_ns)):
             self.fail(failure, self._now_ns)
@@ -196,7 +196,7 @@ class TcpMemoryPort:
         return self._side.next_event_ns()
 
     def advance(self, to_ns: int) -> None:
-        """Let everything happen that happens up to `to_ns`."""
+        """Process all events up to `to_ns` [ns]."""
         self._side.advance(to_ns)
 
     def readable(self) -> bool:

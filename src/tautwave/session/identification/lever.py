@@ -32,7 +32,7 @@ DELAYS = (0.0, 1.0, 2.0)
 DOUBTFUL = 0.9
 
 WRONG, WILD = 0.1, 4.0
-"""Greatest error of a sensor's scale without a word; factor at which no rig should believe it."""
+"""Greatest error of a sensor's scale without a note; factor at which no rig should believe it."""
 
 
 class LeverResult(NamedTuple):
