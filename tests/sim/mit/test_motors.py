@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave_sim.mit import simulator
+from tautwave_sim.mit.bench import MitBench, bench
 from tests.sim.truths import truth
 
 PERIOD_NS = 1_000_000
@@ -244,3 +245,14 @@ def test_garbage_never_raises(frames: list[tuple[int, bytes]]) -> None:
     client.mit()
     for can_id, data in frames:
         client.ask(can_id, data)
+
+
+def test_motors_on_an_interface_announce_what_a_driver_needs_and_end_when_stopped() -> None:
+    pytest.importorskip("can")
+    said: list[Any] = []
+    motors = bench(MitBench(ids=(1, 3), interface="virtual", channel="served"))
+    assert simulator.serve is not None
+    simulator.serve(*motors, said.append, lambda: True)
+    assert said == [
+        {"driver": "mit", "endpoint": "virtual:served", "motors": [1, 3], "options": {}}
+    ]
