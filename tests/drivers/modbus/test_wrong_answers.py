@@ -61,6 +61,14 @@ TCP: dict[str, tuple[Spoil, str]] = {
         lambda frame: frame[:5] + bytes((frame[5] + 2,)) + frame[6:] + b"\0\0",
         "of another length or address than asked for",
     ),
+    "header 1 too long": (
+        lambda frame: frame[:5] + bytes((frame[5] + 1,)) + frame[6:],
+        "shorter than their Modbus TCP header says; does the server count",
+    ),
+    "header 1 too short": (
+        lambda frame: frame[:5] + bytes((frame[5] - 1,)) + frame[6:],
+        "of another length",
+    ),
     "serial frames": (lambda frame: again(frame[6:]), "no Modbus TCP frames.* link: rtu"),
 }
 RTU: dict[str, tuple[Spoil, str]] = {

@@ -162,6 +162,7 @@ class Client:
                 pdu = request_once(self._link, clock, station.device.unit, request, until)
             if pdu:
                 return pdu
+        self._link.abandon()  # what came of the last is counted
         wrong = self._link.misses(station.device.unit)
         if wrong:
             raise BusTimeout(f"{station.label}: no answer at {station.device.endpoint}: {wrong}")

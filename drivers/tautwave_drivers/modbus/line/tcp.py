@@ -23,6 +23,7 @@ from tautwave_drivers.modbus.protocol.frames import (
     tcp_request,
 )
 from tautwave_drivers.modbus.protocol.messages import (
+    CUT_SHORT,
     NO_TCP,
     OF_LENGTH,
     OF_TRANSACTION,
@@ -159,10 +160,7 @@ class TcpLink(Link):
         limit_ns = now_ns - self._timeout_ns
         for transaction_id, transaction in list(self._pending.items()):
             if transaction.sent_ns[-1] <= limit_ns:
-                del self._pending[transaction_id]
-                self._given_up.append(transaction_id)
-                self._silent.add(transaction.unit)
-                transaction.give_up()
+                self._give_up(transaction_id)
         transactions = self._next()
         if transactions:
             self._send(transactions, now_ns)
@@ -236,11 +234,16 @@ class TcpLink(Link):
             )
 
     def _abandon_pending(self) -> None:
-        for transaction in self._pending.values():
-            self._silent.add(transaction.unit)
-            transaction.give_up()
-        self._given_up.extend(self._pending)
-        self._pending.clear()
+        for transaction_id in list(self._pending):
+            self._give_up(transaction_id)
+
+    def _give_up(self, transaction_id: int) -> None:
+        transaction = self._pending.pop(transaction_id)
+        self._given_up.append(transaction_id)
+        self._silent.add(transaction.unit)
+        transaction.give_up()
+        if self._buffer.startswith(transaction_id.to_bytes(2, "big") + b"\0\0\0"):
+            self.note_wrong((transaction.unit,), CUT_SHORT)
 
     def drop(self, why: str) -> None:
         """Close the connection; `lost` is `why`."""

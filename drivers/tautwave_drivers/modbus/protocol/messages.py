@@ -62,6 +62,11 @@ TOO_LATE = Cause(
 )
 OF_CRC = Cause("with a wrong CRC", "check baud, parity, stop_bits, termination and shielding")
 OF_LENGTH = Cause("of another length or address than asked for", "is another master on the line?")
+CUT_SHORT = Cause(
+    "shorter than their Modbus TCP header says",
+    "does the server count the unit and all that follows it as the length (MBAP)? Else its answers "
+    "break off on the way",
+)
 NO_TCP = Cause("no Modbus TCP frames", "a serial server that only passes bytes on wants link: rtu")
 NO_RTU = Cause(
     "no RTU frames", "check baud, parity and stop_bits; a Modbus TCP server wants link: tcp"
