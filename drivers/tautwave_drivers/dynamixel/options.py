@@ -73,10 +73,9 @@ class ServoOptions(BaseModel):
     current_limit: Positive | None = None
     """[A] Current Limit(38) to set in the servo; if not given, the servo's own is only checked."""
     homing_offset: int = 0
-    """Homing Offset(20) that it is to have [pulse]: its positions, and `zero_counts`, are counted
-    with it."""
+    """Required value of Homing Offset(20) [pulse]: its positions, and `zero_counts`, include it."""
     reverse_mode: bool = False
-    """Whether Drive Mode(10) turns the servo's own counts and goals round; `direction` applies on
+    """Whether Drive Mode(10) reverses the servo's own counts and goals; `direction` applies on
     top of it."""
     shadow: ShadowOptions | None = None
     """A second servo on the same joint, with Secondary ID(12) of this one: both get the same goals
@@ -102,7 +101,7 @@ class DynamixelOptions(BaseModel):
     was heard of it for 20 ms."""
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
     """[s] Latency timer of the USB adapter; 0: a real UART. Not given: of the device that `port`
-    leads to, 0.001 on USB where the timer may be set or there is none, 0 else."""
+    leads to, 0.001 on USB, more where an FTDI timer may not be set, 0 on a UART or pty."""
     return_delay_s: Annotated[float, Field(ge=0.0, le=508e-6)] = 0.0
     """[s] Return Delay Time(9) to set in the servos, in steps of 2 us."""
     watchdog_s: Annotated[float, Field(ge=0.02, le=2.54)] = 0.1

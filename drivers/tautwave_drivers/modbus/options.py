@@ -78,7 +78,7 @@ class ModbusOptions(Block):
     not given."""
     usb_latency_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
     """[s] Latency timer of the USB adapter; not given: of the device that `endpoint` leads to,
-    0.001 on USB where the timer may be set or there is none, 0 else."""
+    0.001 on USB, more where an FTDI timer may not be set, 0 on a UART or pty."""
     echo: bool = False
     """The adapter of a serial line returns what is sent, as some for RS-485 do: it is taken off."""
     late_s: Pause = 0.02

@@ -25,8 +25,8 @@ class MitBench(BaseModel):
     )  # fmt: skip
     interface: str = Field(
         "socketcan",
-        description="of python-can; udp_multicast needs no CAN in the kernel, and virtual is of "
-        "this process alone",
+        description="of python-can; udp_multicast needs no CAN in the kernel, and virtual reaches "
+        "this process only",
     )
     channel: str = Field("vcan0", description="its channel; 239.74.163.2 for udp_multicast")
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = Field(
