@@ -16,7 +16,7 @@ from tautwave_drivers.modbus.line.client import Client
 from tautwave_drivers.modbus.options import ModbusOptions
 from tautwave_drivers.modbus.profile import Register, Setting, Step
 from tautwave_drivers.modbus.protocol import frames
-from tautwave_drivers.modbus.sequence import Steps, refusal
+from tautwave_drivers.modbus.sequence import Steps, behind_gateway, refusal
 from tautwave_drivers.modbus.station import Station
 
 ALL_BITS = 0xFFFFFFFF
@@ -282,7 +282,8 @@ class Bringup:
         codec = self._station.codec
         pdu = self._client.request(self._station, codec.read(name))
         if pdu[0] & frames.REFUSED:
-            raise DriverError(f"{self._where}: {name} cannot be read: {refusal(pdu)}")
+            why = refusal(pdu) + behind_gateway(pdu)
+            raise DriverError(f"{self._where}: {name} cannot be read: {why}")
         return codec.decode(name, pdu)
 
     def _put(self, name: str, value: int) -> None:
@@ -292,4 +293,5 @@ class Bringup:
     def _write(self, name: str, value: int) -> None:
         pdu = self._client.request(self._station, self._station.codec.write(name, value))
         if pdu[0] & frames.REFUSED:
-            raise DriverError(f"{self._where}: {name} does not take {value}: {refusal(pdu)}")
+            why = refusal(pdu) + behind_gateway(pdu)
+            raise DriverError(f"{self._where}: {name} does not take {value}: {why}")

@@ -10,7 +10,7 @@ from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.states import State, decode
 from tautwave_drivers.cia402.terms import Event, Quirks, Timeouts
 from tautwave_drivers.modbus.protocol.frames import Request
-from tautwave_drivers.modbus.sequence import RegisterCodec, is_busy, refusal
+from tautwave_drivers.modbus.sequence import RegisterCodec, behind_gateway, is_busy, refusal
 
 RESETS = 3
 
@@ -108,12 +108,14 @@ class Drive402:
         count = len(self._writes)
         for (name, value), pdu in zip(self._writes, responses[:count], strict=True):
             if refused := refusal(pdu):
-                raise DeviceFault(f"{self._label}: {name} = {value:#x}: {refused}")
+                raise DeviceFault(
+                    f"{self._label}: {name} = {value:#x}: {refused}{behind_gateway(pdu)}"
+                )
             self.written(name, value)
         reported = {}
         for name, pdu in zip(self._asked, responses[count:], strict=True):
             if refused := refusal(pdu):
-                raise DeviceFault(f"{self._label}: {name}: {refused}")
+                raise DeviceFault(f"{self._label}: {name}: {refused}{behind_gateway(pdu)}")
             reported[name] = self._codec.decode(name, pdu)
         code = reported.get(self._code, 0)
         self.step(reported[self._status], reported[self._display], code)

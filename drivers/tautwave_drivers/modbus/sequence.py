@@ -10,7 +10,11 @@ from tautwave.errors import BusTimeout, DeviceFault
 from tautwave_drivers.modbus.profile import BITS, READERS, Profile, Step
 from tautwave_drivers.modbus.protocol import frames
 from tautwave_drivers.modbus.protocol.frames import Request
-from tautwave_drivers.modbus.protocol.messages import exception_text, function_text
+from tautwave_drivers.modbus.protocol.messages import (
+    BEHIND_A_GATEWAY,
+    exception_text,
+    function_text,
+)
 from tautwave_drivers.modbus.protocol.registers import Block, from_words, to_words
 
 CHECK = "check"
@@ -93,6 +97,16 @@ def refusal(pdu: bytes) -> str:
     return ""
 
 
+def behind_gateway(pdu: bytes) -> str:
+    """Return what to check where a gateway answered instead of the drive, '' where it did not."""
+    if pdu[0] & frames.REFUSED and pdu[1] in BEHIND_A_GATEWAY:
+        return (
+            "; the gateway was reached, but not the drive: check its unit id, its supply and "
+            "cable, and the gateway's serial settings (baud, parity, stop bits)"
+        )
+    return ""
+
+
 def is_busy(pdu: bytes) -> bool:
     """Return whether a drive only needs more time: acknowledge (05) or busy (06)."""
     return bool(pdu[0] & frames.REFUSED) and pdu[1] in (5, 6)
@@ -164,7 +178,7 @@ class Steps:
         where = f"{self._label}: {self._what}, step {self._at + 1} ({name})"
         refused = refusal(responses[0])
         if refused and not (is_busy(responses[0]) and not self._expired(step)):
-            raise DeviceFault(f"{where}: {refused}")
+            raise DeviceFault(f"{where}: {refused}{behind_gateway(responses[0])}")
         if refused:
             return
         if step.write is None:

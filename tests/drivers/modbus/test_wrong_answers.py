@@ -155,6 +155,31 @@ def test_a_gateway_without_a_drive_behind_it_is_no_silent_drive(
     made.driver.close()
 
 
+@pytest.mark.parametrize("tcp", [True, False])
+@pytest.mark.parametrize("code", [10, 11])
+def test_a_gateway_without_a_drive_at_bring_up_tells_what_to_check(
+    monkeypatch: pytest.MonkeyPatch, tcp: bool, code: int
+) -> None:
+    whole = rig(monkeypatch, Drive(), tcp=tcp)
+    whole.enable()
+    told = 0
+    for number in range(0, whole.line.requests, 3):
+        made = rig(monkeypatch, Drive(), tcp=tcp)
+
+        def refuse(pdu: bytes, made: Rig = made, at: int = number) -> int:
+            return code if made.line.requests > at else 0
+
+        made.line.refuse = refuse
+        try:
+            made.enable()
+        except DriverError as err:
+            assert f"(exception {code:02X})" in str(err)  # noqa: PT017
+            assert "the gateway was reached, but not the drive: check its unit id" in str(err)  # noqa: PT017
+            told += 1
+        made.driver.close()
+    assert told > 5
+
+
 # -- not yet -------------------------------------------------------------------------------
 
 

@@ -15,9 +15,6 @@ from tautwave_drivers.modbus.protocol.transaction import Opener, Transaction
 SLACK_NS = 2_000_000
 """What host and network may add before a drive counts as silent and the next one is asked."""
 
-BEHIND_A_GATEWAY = (10, 11)
-"""Exceptions of a gateway, not of the drive behind it."""
-
 
 class Link(ABC):
     """One line or connection and the drives behind it.

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from tautwave.contracts import BytePort, Clock
 from tautwave.errors import DriverError
 from tautwave_drivers.causes import Cause
-from tautwave_drivers.modbus.line.link import BEHIND_A_GATEWAY, SLACK_NS, Link
+from tautwave_drivers.modbus.line.link import SLACK_NS, Link
 from tautwave_drivers.modbus.options import ModbusOptions
 from tautwave_drivers.modbus.protocol.frames import (
     REFUSED,
@@ -23,6 +23,7 @@ from tautwave_drivers.modbus.protocol.frames import (
     take_rtu,
 )
 from tautwave_drivers.modbus.protocol.messages import (
+    BEHIND_A_GATEWAY,
     NO_RTU,
     OF_CRC,
     OF_LENGTH,

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
 from tautwave_drivers.causes import Cause
-from tautwave_drivers.modbus.line.link import BEHIND_A_GATEWAY, SLACK_NS, Link
+from tautwave_drivers.modbus.line.link import SLACK_NS, Link
 from tautwave_drivers.modbus.protocol.frames import (
     REFUSED,
     may_be_tcp,
@@ -23,6 +23,7 @@ from tautwave_drivers.modbus.protocol.frames import (
     tcp_request,
 )
 from tautwave_drivers.modbus.protocol.messages import (
+    BEHIND_A_GATEWAY,
     CUT_SHORT,
     NO_TCP,
     OF_LENGTH,

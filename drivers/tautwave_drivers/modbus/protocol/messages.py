@@ -20,6 +20,9 @@ EXCEPTIONS = {
     11: "no answer behind the gateway",
 }
 
+BEHIND_A_GATEWAY = (10, 11)
+"""Exceptions of a gateway, not of the drive behind it."""
+
 FUNCTIONS = {
     1: "read coils",
     2: "read discrete inputs",
