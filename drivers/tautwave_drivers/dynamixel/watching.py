@@ -8,7 +8,7 @@ from a servo that may have forgotten is not used before.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 
 from tautwave.contracts import BusSpec, Clock
@@ -80,7 +80,8 @@ class Watch:
         self._silent: set[int] = set()
         self.failed: set[int] = set()
         self._deferred = 0
-        self._tries = 0
+        self._tries: Counter[int] = Counter()
+        self._slow = 2 * bus.period_ns >= FORGETS_NS
         self._gap_ns = 0
 
     @property
@@ -94,7 +95,7 @@ class Watch:
         On a slow bus every servo may have restarted between two cycles, and none is seen before it
         is read: waiting for one that is gone would cost the samples of all others.
         """
-        if not self.unseen or 2 * self._bus.period_ns < FORGETS_NS:
+        if not self.unseen or not self._slow:
             return deadline_ns
         reads_ns = sum(
             self._line.read_ns(register.size) + self._slack_ns
@@ -169,15 +170,18 @@ class Watch:
                 servo.options.id, register.address, register.size, limit_ns=deadline_ns
             )
             if response is None or response.number:
-                self._tries += 1
-                if self._tries < TRIES:
-                    self._deferred += 1
+                self._tries[index] += 1
+                if self._tries[index] < TRIES:
+                    if self._slow and response is None:  # it may be gone: the others come first
+                        self.requests.rotate(-1)
+                    else:
+                        self._deferred += 1
                     return
                 why = "no response" if response is None else status_text(response.error)
                 self._fail(index, f"{register.name} cannot be read: {why}", faults)
             else:
                 self.requests.popleft()
-            self._tries = self._deferred = 0
+            self._tries[index] = self._deferred = 0
             if response is not None and not response.number:
                 self._judge(index, register, response.data, faults)
 

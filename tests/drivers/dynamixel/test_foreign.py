@@ -294,6 +294,30 @@ def test_a_dead_servo_costs_no_sample_of_the_others_at_any_rate(rate_hz: float, 
     assert_safe(made)
 
 
+@pytest.mark.parametrize("dead", [0, 1, 2])
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 40.0])
+def test_a_servo_that_dies_within_a_cycle_costs_one_sample_of_the_others(
+    rate_hz: float, dead: int
+) -> None:
+    for number in range(6):
+        made = rig({}, {}, {}, rate_hz=rate_hz, watchdog_s=2.5)
+        made.enable()
+        made.cycle()
+        until = made.line.instructions + number
+
+        def hit(count: int, made: Rig = made, until: int = until) -> None:
+            if count == until:
+                made.line.servos[dead].deaf = True
+
+        made.line.on_instruction = hit
+        made.cycle()
+        for _ in range(15):
+            states, faults = made.cycle()
+            assert [state.valid for state in states] == [index != dead for index in range(3)]
+            assert not faults
+        made.driver.close()
+
+
 @pytest.mark.parametrize("status_block", [False, True])
 @pytest.mark.parametrize(
     ("register", "value", "words"),
