@@ -103,5 +103,5 @@ def test_text_without_lines_or_with_too_many_rows_is_no_table(
         columns.read_columns(path, ["x"], "t")
     path.write_text("t,x\n" + "".join(f"{k},0\n" for k in range(11)))
     monkeypatch.setattr(text, "MOST_ROWS", 10)
-    with pytest.raises(TautwaveError, match="more than 10 rows; cut it"):
+    with pytest.raises(TautwaveError, match="more than 10 rows; shorten or decimate it"):
         columns.read_columns(path, ["x"], "t")

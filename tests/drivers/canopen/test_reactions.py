@@ -82,6 +82,6 @@ def test_emergencies_come_at_once_or_it_is_said(inhibit: int, fixed: bool) -> No
     said = [note for note in rig.driver.notes if "1015:00" in note]
     assert rig.drive.value(0x1015) == (inhibit if fixed else 0)
     assert bool(said) == bool(inhibit)
-    assert any("may be told 0.5 s late" in note for note in said) == fixed
+    assert any("may be reported 0.5 s late" in note for note in said) == fixed
     rig.driver.close()
     assert rig.drive.value(0x1015) == inhibit, "a loan, given back"
