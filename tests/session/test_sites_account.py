@@ -62,9 +62,9 @@ def test_credit_goes_over_and_what_a_law_gives_at_the_slave_is_paid_by_the_maste
 @pytest.mark.sparse(2)
 @pytest.mark.parametrize("kept", [0.05, 1.0])
 def test_a_slave_that_keeps_little_gives_its_spring_back_to_the_master(kept: float) -> None:
-    account = f"coupling.account={{kept: {kept}, tank: 4.0e-4, reserve: 1.0e-5}}"
+    account = f"coupling.account={{kept: {kept}, tank: 2.0e-3, reserve: 1.0e-6}}"
     spring = "simulation.environment.lever={type: spring, position: 0.0, stiffness: 4}"
-    with pair("four_channel", account, spring) as two:
+    with pair("position", account, spring) as two:
         two.run(900)
         one, other = (
             half.control.axes[half.control._own[0]].end.account for half in (two.master, two.slave)

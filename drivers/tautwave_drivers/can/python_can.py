@@ -131,10 +131,8 @@ class PythonCanPort:
 
     def purge(self) -> None:
         """Discard what waits to be sent, where the interface can."""
-        try:
+        with suppress(NotImplementedError, can.CanError, OSError):
             self._bus.flush_tx_buffer()
-        except (NotImplementedError, can.CanError, OSError):
-            return
 
     def close(self) -> None:
         """Release the interface."""
