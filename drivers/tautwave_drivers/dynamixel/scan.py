@@ -10,10 +10,10 @@ from pydantic import BaseModel, Field
 from tautwave.clock import MonotonicClock
 from tautwave.contracts import BytePort, Clock, ScanProgress, no_progress
 from tautwave.errors import ConfigError
+from tautwave_drivers import protocol1
 from tautwave_drivers.adapter import adapter_of
 from tautwave_drivers.dynamixel.line.transactions import PacketLine, Protocol1Line, ping_all
 from tautwave_drivers.dynamixel.options import LAST_ID, STRICT, Protocol
-from tautwave_drivers.dynamixel.protocol import packet1
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.families import family_of
 from tautwave_drivers.dynamixel.protocol.messages import hardware_text, protocol1_text
@@ -178,7 +178,7 @@ def _protocol1_row(line: Protocol1Line, baud: int, device_id: int) -> dict[str, 
     if found is None:
         return None
     identity = line.read(device_id, 0, 3)
-    if identity is None and found.error == packet1.PING:
+    if identity is None and found.error == protocol1.PING:
         return None  # our own request: in this protocol an echoed ping looks like a response
     row: dict[str, Any] = {"id": device_id, "model": "unknown", "protocol": 1.0, "baud": baud}
     errors = protocol1_text(found.error) if found.error else ""

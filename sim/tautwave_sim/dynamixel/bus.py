@@ -7,12 +7,14 @@ from functools import partial
 from typing import NamedTuple
 
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel import packets1 as p1
-from tautwave_sim.dynamixel.faults import HARDWARE_KINDS, MOMENT_KINDS, Event, FaultPlan
+from tautwave_sim.dynamixel.hardware import HARDWARE_KINDS, MOMENT_KINDS
 from tautwave_sim.dynamixel.instructions import execute
-from tautwave_sim.dynamixel.packets import BROADCAST, Packet
+from tautwave_sim.dynamixel.packets import BROADCAST
 from tautwave_sim.dynamixel.servo import Reply, Servo
+from tautwave_sim.wire import packets1 as p1
+from tautwave_sim.wire.packets1 import Packet
 from tautwave_sim.wire.serial import SerialLine, Transmission, wire_ns
+from tautwave_sim.wire.serial_faults import Event, FaultPlan
 
 SILENCE_NS = 100_000_000
 """A packet begun is given up after this much silence (e-manual, protocol 1.0: 100 ms)."""

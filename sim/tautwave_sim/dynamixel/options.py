@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from tautwave_sim.dynamixel.faults import HARDWARE_KINDS, LINE_KINDS, PACKET_KINDS, Event
+from tautwave_sim.dynamixel.hardware import HARDWARE_KINDS
 from tautwave_sim.dynamixel.models import MODELS, find_model
+from tautwave_sim.wire.serial_faults import LINE_KINDS, PACKET_KINDS, Event
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 # The driver's model of the same block is the strict one; what only it needs passes here.

@@ -5,7 +5,7 @@ Source: e-manual, "DYNAMIXEL Protocol 2.0" (docs/en/dxl/protocol2) and "CRC Calc
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from tautwave_sim.wire.packets1 import Packet
 
 HEADER = b"\xff\xff\xfd\x00"
 STUFFED = b"\xff\xff\xfd"
@@ -22,15 +22,6 @@ ALERT = 0x80
 
 MAX_LENGTH = 1024
 """Longest packet a servo waits for: a broken length must not make it deaf for long."""
-
-
-class Packet(NamedTuple):
-    """An instruction as heard; `intact` is False when its checksum is wrong."""
-
-    device_id: int
-    instruction: int
-    params: bytes
-    intact: bool
 
 
 def _table() -> tuple[int, ...]:

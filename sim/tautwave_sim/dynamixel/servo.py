@@ -11,10 +11,10 @@ from typing import NamedTuple
 from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel import packets1 as p1
 from tautwave_sim.dynamixel.items import Item, Model
 from tautwave_sim.dynamixel.memory import GOALS, WATCHDOG_TRIPPED, Memory
 from tautwave_sim.dynamixel.motor import OVERHEAT_BIT, OVERLOAD_BIT, VOLTAGE_BIT, Joint, Motor
+from tautwave_sim.wire import packets1 as p1
 
 WATCHDOG_UNIT_NS = 20_000_000
 DELAY_UNIT_NS = 2_000

@@ -16,7 +16,6 @@ from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.bench import free_axis, require_distinct
 from tautwave_sim.dynamixel.bus import ServoBus
-from tautwave_sim.dynamixel.faults import FaultPlan
 from tautwave_sim.dynamixel.items import Model
 from tautwave_sim.dynamixel.memory import Memory
 from tautwave_sim.dynamixel.models import find_model
@@ -33,6 +32,7 @@ from tautwave_sim.dynamixel.options import (
 from tautwave_sim.dynamixel.servo import Servo, Shadow
 from tautwave_sim.wire.pty import serve_line
 from tautwave_sim.wire.serial import MemoryPort, SerialLine
+from tautwave_sim.wire.serial_faults import FaultPlan
 
 DELAY_UNIT_S = 2e-6
 BENCH_PERIOD_S = 1e-3

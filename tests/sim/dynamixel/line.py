@@ -9,9 +9,9 @@ from typing import Any
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel import packets1 as p1
 from tautwave_sim.dynamixel.options import DynamixelOptions
 from tautwave_sim.dynamixel.world import ServoWorld
+from tautwave_sim.wire import packets1 as p1
 from tests.sim.truths import truth
 
 STEP = math.tau / 4096

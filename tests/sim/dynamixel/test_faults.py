@@ -10,7 +10,7 @@ import pytest
 
 from tautwave.errors import DriverError
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel.faults import ANSWER_KINDS, PACKET_KINDS
+from tautwave_sim.wire.serial_faults import ANSWER_KINDS, PACKET_KINDS
 from tests.sim.dynamixel.line import MS, Host, split, words
 
 GOOD = [p2.status(one, 0, b"\x00\x08\x00\x00") for one in (1, 2, 3)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import pytest
 
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel import packets1 as p1
+from tautwave_sim.wire import packets1 as p1
 from tests.sim.dynamixel.line import Host, hexa
 
 FIRMWARE = {"firmware": 38, "voltage": 11.9, "temperature_c": 36.0}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel import packets1 as p1
+from tautwave_sim.wire import packets1 as p1
 from tests.sim.dynamixel.line import Host, words
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel import packets1 as p1
+from tautwave_sim.wire import packets1 as p1
 from tests.sim.dynamixel.line import Host
 
 PARSERS = [p2, p1]

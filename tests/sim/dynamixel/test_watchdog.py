@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tautwave_sim.dynamixel import packets as p2
-from tautwave_sim.dynamixel.faults import HARDWARE_KINDS
+from tautwave_sim.dynamixel.hardware import HARDWARE_KINDS
 from tests.sim.dynamixel.line import Host, split
 
 EVENTS = {"overload": 5, "electrical_shock": 4, "encoder": 3, "overheat": 2, "input_voltage": 0}

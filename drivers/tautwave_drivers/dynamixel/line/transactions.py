@@ -10,7 +10,8 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from tautwave.contracts import BytePort, Clock
-from tautwave_drivers.dynamixel.protocol import packet, packet1
+from tautwave_drivers import protocol1
+from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.packet import Packet
 
 RESPONSE_S = 0.03
@@ -168,21 +169,29 @@ class Protocol1Line:
 
     def ping(self, device_id: int) -> Response | None:
         """Return whether it is there: an error byte, no data."""
-        return self._transact(device_id, packet1.build(device_id, packet1.PING), 0)
+        return self._transact(device_id, protocol1.build(device_id, protocol1.PING), 0)
 
     def read(self, device_id: int, address: int, size: int) -> Response | None:
         """Return `size` bytes at `address`."""
-        return self._transact(device_id, packet1.read_packet(device_id, address, size), size)
+        return self._transact(device_id, protocol1.read_packet(device_id, address, size), size)
 
     def _transact(self, device_id: int, request: bytes, size: int) -> Response | None:
         self._port.read()
         self._port.write(request)
         wire_ns = (len(request) + 6 + size) * self._byte_ns
         until = self._clock.now_ns() + wire_ns + self._timeout_ns
-        found = _await(self._port, self._clock, device_id, until, packet1.take_packet, size)
+        found = _await(self._port, self._clock, device_id, until, _take_first, size)
         if found is None or len(found.data) < size:
             return None
         return Response(found.error, found.data)
+
+
+def _take_first(buffer: bytearray) -> Packet | None:
+    """Take a packet of protocol 1.0, as one of protocol 2.0."""
+    found = protocol1.take_packet(buffer)
+    if found is None:
+        return None
+    return Packet(found.device_id, packet.STATUS, bytes((found.error,)) + found.data)
 
 
 def _await(

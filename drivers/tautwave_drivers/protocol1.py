@@ -1,15 +1,15 @@
-"""Dynamixel protocol 1.0 as pure bytes: AX, RX, EX and MX servos with their first firmware.
+"""Dynamixel protocol 1.0 as pure bytes: AX, RX, EX, the first MX servos, and Feetech's.
 
 Source: ROBOTIS e-manual, "DYNAMIXEL Protocol 1.0" (docs/en/dxl/protocol1): header FF FF, id,
 length of what follows, instruction or error, parameters, and the complement of the sum of all
-bytes since the id. Nothing is stuffed, so a header may also be data.
+bytes since the id. Nothing is stuffed, so a header may also be data. Feetech's STS, SMS and HLS
+have a sync read beside it (82h): one answer of each servo, in the order asked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from tautwave_drivers.dynamixel.protocol.packet import Packet
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE
@@ -18,7 +18,19 @@ LONGEST = 250
 PING = 0x01
 READ = 0x02
 WRITE = 0x03
+SYNC_READ = 0x82
 SYNC_WRITE = 0x83
+
+HEAD = 5
+"""Bytes of a status packet before its data; the checksum is one more."""
+
+
+class Status(NamedTuple):
+    """A status packet as it came: its servo, error byte and data."""
+
+    device_id: int
+    error: int
+    data: bytes
 
 
 def checksum(data: Iterable[int]) -> int:
@@ -48,10 +60,15 @@ def sync_write_packet(address: int, size: int, values: Iterable[tuple[int, bytes
     return build(BROADCAST, SYNC_WRITE, params)
 
 
-def take_packet(buffer: bytearray, longest: int = LONGEST) -> Packet | None:
-    """Take the first whole status packet out of `buffer`, and everything before it.
+def sync_read_packet(ids: Sequence[int], address: int, size: int) -> bytes:
+    """Return the instruction to read `size` bytes at `address` of several servos (Feetech)."""
+    return build(BROADCAST, SYNC_READ, bytes((address, size, *ids)))
 
-    Returned with the error byte as `params[0]`, as in protocol 2.0; None when none is whole yet.
+
+def take_packet(buffer: bytearray, longest: int = LONGEST) -> Status | None:
+    """Take the first whole packet out of `buffer`, and everything before it.
+
+    An instruction looks alike: its number is then the `error`. None when none is whole yet.
     """
     while True:
         start = buffer.find(HEADER)
@@ -73,6 +90,6 @@ def take_packet(buffer: bytearray, longest: int = LONGEST) -> Packet | None:
         if checksum(buffer[2 : end - 1]) != buffer[end - 1]:
             del buffer[:1]
             continue
-        params = bytes(buffer[4 : end - 1])
+        found = Status(device_id, buffer[4], bytes(buffer[HEAD : end - 1]))
         del buffer[:end]
-        return Packet(device_id, 0x55, params)
+        return found

@@ -7,30 +7,15 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from tautwave.streams import uniform_stream
-from tautwave_sim.dynamixel.motor import (
-    ENCODER_BIT,
-    OVERHEAT_BIT,
-    OVERLOAD_BIT,
-    SHOCK_BIT,
-    VOLTAGE_BIT,
-)
 
 ANSWER_KINDS = ("lost", "late", "truncated", "corrupted", "wrong_id", "extra_bytes")
 """Faults of one response of a servo."""
 DEAF = "deaf"
 """The servo misses an instruction."""
-HARDWARE_KINDS = {
-    "input_voltage": VOLTAGE_BIT,
-    "overheat": OVERHEAT_BIT,
-    "encoder": ENCODER_BIT,
-    "electrical_shock": SHOCK_BIT,
-    "overload": OVERLOAD_BIT,
-}
 LINE_KINDS = ("unplug", "replug", "remove", "restore")
 """The adapter leaves the host and comes back; a servo leaves the line and comes back."""
 
 PACKET_KINDS = (*ANSWER_KINDS, DEAF)
-MOMENT_KINDS = (*HARDWARE_KINDS, *LINE_KINDS)
 DETAIL = "detail"
 
 

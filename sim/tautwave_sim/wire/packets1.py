@@ -1,11 +1,11 @@
-"""Protocol 1.0, the servo's side.
+"""Protocol 1.0, the servo's side: Dynamixel's first, and Feetech's.
 
 Source: e-manual, "DYNAMIXEL Protocol 1.0" (docs/en/dxl/protocol1).
 """
 
 from __future__ import annotations
 
-from tautwave_sim.dynamixel.packets import Packet
+from typing import NamedTuple
 
 HEADER = b"\xff\xff"
 
@@ -13,6 +13,15 @@ INSTRUCTION_BIT, OVERLOAD_BIT, CHECKSUM_BIT, RANGE_BIT = 0x40, 0x20, 0x10, 0x08
 OVERHEATING_BIT, ANGLE_BIT, VOLTAGE_BIT = 0x04, 0x02, 0x01
 
 MAX_LENGTH = 250
+
+
+class Packet(NamedTuple):
+    """An instruction as heard; `intact` is False when its checksum is wrong."""
+
+    device_id: int
+    instruction: int
+    params: bytes
+    intact: bool
 
 
 def checksum(body: bytes) -> int:
