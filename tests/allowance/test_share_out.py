@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.allowance import GREATEST_WALL_SHARE, Device, Spending, share_out
+from tautwave.allowance import MAX_WALL_SHARE, Device, Spending, share_out
 
 AMOUNT = st.floats(0.0, 1e4)
 SOME = st.floats(1e-6, 1e4)
@@ -42,7 +42,7 @@ def test_efforts_and_rates_add_up_to_what_the_motor_has(has: Device, asks: Spend
     if math.isfinite(asks.wall_limit):
         assert one.wall_effort <= asks.wall_limit
     elif asks.relies:
-        assert one.wall_effort <= GREATEST_WALL_SHARE * one.shared_effort
+        assert one.wall_effort <= MAX_WALL_SHARE * one.shared_effort
 
 
 @given(DEVICES, ASKED)

@@ -102,6 +102,6 @@ def test_text_without_lines_or_with_too_many_rows_is_no_table(
     with pytest.raises(TautwaveError, match="a line of over 1048576 characters"):
         columns.read_columns(path, ["x"], "t")
     path.write_text("t,x\n" + "".join(f"{k},0\n" for k in range(11)))
-    monkeypatch.setattr(text, "MOST_ROWS", 10)
+    monkeypatch.setattr(text, "MAX_ROWS", 10)
     with pytest.raises(TautwaveError, match="more than 10 rows; shorten or decimate it"):
         columns.read_columns(path, ["x"], "t")

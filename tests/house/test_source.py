@@ -18,8 +18,8 @@ PURE = sorted(
     path for floor in ("laws", "models") for path in (ROOT / "src/tautwave" / floor).rglob("*.py")
 )
 PURE_IMPORTS = {"__future__", "math", "typing", "tautwave.types"}
-GREATEST_MODULE = 700  # lines
-GREATEST_FOLDER = 25  # modules beside each other
+MAX_MODULE = 700  # lines
+MAX_FOLDER = 25  # modules beside each other
 
 
 def found_in(paths: Sequence[Path], look: Callable[[str], Any]) -> dict[str, Any]:
@@ -84,7 +84,7 @@ TESTS = sorted((ROOT / "tests").rglob("*.py"))
 
 
 def excess_lines(source: str) -> int:
-    return max(0, len(source.splitlines()) - GREATEST_MODULE)
+    return max(0, len(source.splitlines()) - MAX_MODULE)
 
 
 def test_modules_stay_readable() -> None:
@@ -92,8 +92,8 @@ def test_modules_stay_readable() -> None:
 
 
 def test_a_planted_long_module_is_noticed() -> None:
-    assert excess_lines("pass\n" * (GREATEST_MODULE + 1))
-    assert not excess_lines("pass\n" * GREATEST_MODULE)
+    assert excess_lines("pass\n" * (MAX_MODULE + 1))
+    assert not excess_lines("pass\n" * MAX_MODULE)
 
 
 def test_nothing_but_the_version_is_taken_from_the_public_face() -> None:
@@ -121,7 +121,7 @@ def test_every_lint_exception_has_its_reason() -> None:
 
 def full_folders(folders: dict[str, int]) -> list[str]:
     """Folders with more modules beside each other than one takes in at a glance."""
-    return sorted(folder for folder, modules in folders.items() if modules > GREATEST_FOLDER)
+    return sorted(folder for folder, modules in folders.items() if modules > MAX_FOLDER)
 
 
 def test_no_folder_has_more_modules_than_one_takes_in() -> None:
@@ -130,7 +130,7 @@ def test_no_folder_has_more_modules_than_one_takes_in() -> None:
 
 
 def test_a_planted_full_folder_is_noticed() -> None:
-    assert full_folders({"src/a": GREATEST_FOLDER, "src/b": GREATEST_FOLDER + 1}) == ["src/b"]
+    assert full_folders({"src/a": MAX_FOLDER, "src/b": MAX_FOLDER + 1}) == ["src/b"]
 
 
 MERGED = re.compile(r"---- \w|^ +.*[.;] \w+ : (?:str|int|float|bool|sequence|[A-Z]\w+)\b", re.M)

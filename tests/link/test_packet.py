@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tautwave.laws.counters import SPAN
 from tautwave.link.packet import (
-    GREATEST_BYTES,
+    MAX_BYTES,
     Line,
     Packet,
     Refusal,
@@ -100,12 +100,12 @@ def test_each_refusal_says_what_is_wrong(data: bytes, site: int, why: Refusal) -
 
 def test_a_payload_longer_than_any_path_takes_is_refused_unread() -> None:
     data = GOLDEN[:2] + bytes((6, 12)) + GOLDEN[4:16] + bytes(24 + 6 * (2 + 26) * 8)
-    assert len(data) == packet_size(6, 12) > GREATEST_BYTES
+    assert len(data) == packet_size(6, 12) > MAX_BYTES
     assert read_packet(data, 1) is Refusal.LENGTH
 
 
 def test_the_seal_leaves_room_on_every_path() -> None:
-    assert GREATEST_BYTES + OVERHEAD <= 1200
+    assert MAX_BYTES + OVERHEAD <= 1200
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from tautwave.controller.records import AxisState
 from tautwave.laws.rest.alignment import AlignParams
-from tautwave.runtime.operate.rest.aligning import MOST_WAYS, PATIENCE_S, Alignment
+from tautwave.runtime.operate.rest.aligning import MAX_WAYS, PATIENCE_S, Alignment
 from tautwave.runtime.operate.rest.pull import PullParams
 from tests.runtime.operating import BARE, FREE, STILL, bench, operate
 
@@ -96,7 +96,7 @@ def test_a_master_that_never_stays_is_followed_so_many_times_and_then_blocks() -
             slot += 500
             assert not made.arrived(slot)
     assert slot < 10_000
-    assert first < made.granted <= MOST_WAYS * first
+    assert first < made.granted <= MAX_WAYS * first
     unused: Any = [None, None]
     why = made.hindrance(["a"], unused, unused)
     assert why == "an axis moves, or is in its wall; keep the devices still to engage"

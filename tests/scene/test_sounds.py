@@ -128,7 +128,7 @@ def test_a_missing_file_a_missing_channel_and_a_long_one(tmp_path, monkeypatch):
     path.write_bytes(wav_bytes(VALUES, channels=2))
     with pytest.raises(ConfigError, match=r"s\.wav has 2 \(got 3\)"):
         rig_with(path, "scene.forces.rattle.channel=3")
-    monkeypatch.setattr(sounds, "MOST_SAMPLES", 5)
+    monkeypatch.setattr(sounds, "MAX_SAMPLES", 5)
     with pytest.raises(ConfigError, match="is too long: over 0 s in 2 channels"):
         rig_with(path)
 

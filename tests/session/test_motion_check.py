@@ -17,7 +17,7 @@ from tautwave.errors import ConfigError, DeviceFault
 from tautwave.runtime.sensing import LoopBus
 from tautwave.session.acceptance.accepted import accepted_path, comparing, keep_accepted
 from tautwave.session.acceptance.document import Check
-from tautwave.session.acceptance.motion import MOST_SHARE, TOO_FAR, motions
+from tautwave.session.acceptance.motion import MAX_SHARE, TOO_FAR, motions
 from tautwave.session.guided.control import GuidedControl
 from tests.session.test_calibrating import BENCH
 
@@ -106,7 +106,7 @@ def test_a_device_that_goes_the_right_way_passes_and_stays_near(
     assert [check.what for check in found] == [f"{AXIS} forward", f"{AXIS} back"]
     assert all(check.good for check in found), found
     assert device.travel <= TOO_FAR["rotary"]
-    assert device.most <= MOST_SHARE * LIMIT * (1.0 + 1e-9)
+    assert device.most <= MAX_SHARE * LIMIT * (1.0 + 1e-9)
     assert device.pushed == 0.0
 
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.errors import LinkError
-from tautwave.session.sites.endpoint import MOST_AT_ONCE, Endpoint
+from tautwave.session.sites.endpoint import MAX_AT_ONCE, Endpoint
 from tautwave.sites.control import Session
 from tautwave.sites.datagrams import DataPort, open_socket
 from tautwave.sites.seal import HEAD, KIND, LATE, WINDOW, Sealer
@@ -63,16 +63,16 @@ def attack(own: socket.socket, stranger: socket.socket, count: int) -> None:
     to = own.getsockname()
     good = [sealer.seal(b"first")]
     stranger.sendto(good[0], to)
-    got = [payload for payload, _ in port.receive(MOST_AT_ONCE)]
+    got = [payload for payload, _ in port.receive(MAX_AT_ONCE)]
     sent = 0
     while sent < count:
-        for _ in range(MOST_AT_ONCE - 2):
+        for _ in range(MAX_AT_ONCE - 2):
             stranger.sendto(hostile(source, good, old, other), to)
             sent += 1
         good.append(sealer.seal(b"%d" % sent))
         stranger.sendto(good[-1], to)
         good = [good[0], *good[-50:]]
-        got += [payload for payload, _ in port.receive(MOST_AT_ONCE)]
+        got += [payload for payload, _ in port.receive(MAX_AT_ONCE)]
     assert got == [b"first", *(b"%d" % n for n in range(30, sent + 1, 30))]
     assert sum(port.opener.refused.values()) == sent
     late = sent > 30 * 2 * WINDOW  # the first good one is older than the window by then
@@ -96,8 +96,8 @@ def test_a_flood_costs_no_more_than_is_looked_at(
     port = DataPort(own, session("master", random.Random(1)), "slave", None)
     for _ in range(100):
         stranger.sendto(b"x", own.getsockname())
-    assert list(port.receive(MOST_AT_ONCE)) == []
-    assert sum(port.opener.refused.values()) == MOST_AT_ONCE
+    assert list(port.receive(MAX_AT_ONCE)) == []
+    assert sum(port.opener.refused.values()) == MAX_AT_ONCE
 
 
 def test_answers_go_to_where_the_newest_datagram_came_from(
@@ -110,7 +110,7 @@ def test_answers_go_to_where_the_newest_datagram_came_from(
     with open_socket(HOST, 0) as now:
         now.sendto(newest, own.getsockname())
         before.sendto(late, own.getsockname())
-        assert [payload for payload, _ in port.receive(MOST_AT_ONCE)] == [b"newest", b"late"]
+        assert [payload for payload, _ in port.receive(MAX_AT_ONCE)] == [b"newest", b"late"]
         port.send(b"answer")
         assert now.recv(2048)
 

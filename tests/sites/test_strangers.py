@@ -110,7 +110,7 @@ def test_of_too_many_the_oldest_make_way(
     serving: Serving, come: Callable[..., socket.socket], said: bytes,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr(reception, "MOST_AT_ONCE", 4)
+    monkeypatch.setattr(reception, "MAX_AT_ONCE", 4)
     first = come(said)
     for _ in range(4):
         come(said)
@@ -180,7 +180,7 @@ def test_reasons_are_told_once_and_only_so_many() -> None:
     assert reasons.is_news(LinkError("10.0.0.1:5: it does not speak TLS"))
     assert not reasons.is_news(LinkError("10.0.0.2:6: it does not speak TLS"))
     told = sum(reasons.is_news(LinkError(f"10.0.0.1:5: TLS failed ({k})")) for k in range(100))
-    assert told == reception.MOST_REASONS - 1
+    assert told == reception.MAX_REASONS - 1
 
 
 def test_the_dialling_side_says_that_the_port_is_crowded(keys: Path) -> None:

@@ -28,7 +28,7 @@ from tests.view.served import BENCH, COLUMNS, Run, ask, served
 K = "coupling.pairs.lever.wall_slave.stiffness"
 KNOB = {"path": K, "column": "lever.position_error", "unit": "N m/rad", "when": "engaged",
         "value": 3.0, "low": 0.003, "high": 30.0, "ramped": True}  # fmt: skip
-MOST_MESSAGES = 500
+MAX_MESSAGES = 500
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def client(door: Door, token: str, **options: Any) -> ClientConnection:
 
 
 def heard(socket: ClientConnection, op: str) -> dict[str, Any]:
-    for _ in range(MOST_MESSAGES):
+    for _ in range(MAX_MESSAGES):
         data = socket.recv(60)
         if isinstance(data, str) and (said := json.loads(data))["op"] == op:
             return dict(said)
@@ -61,7 +61,7 @@ def heard(socket: ClientConnection, op: str) -> dict[str, Any]:
 
 
 def heard_bytes(socket: ClientConnection, opcode: int) -> bytes:
-    for _ in range(MOST_MESSAGES):
+    for _ in range(MAX_MESSAGES):
         data = socket.recv(60)
         if isinstance(data, bytes) and data[0] == opcode:
             return data

@@ -142,7 +142,7 @@ def test_a_page_without_a_place_may_stop_and_the_token_has_one(serving: tuple[Ru
     run, door = serving
     run.orders()
     with ExitStack() as crowd:
-        for _ in range(server.MOST_VIEWERS):
+        for _ in range(server.MAX_VIEWERS):
             heard(crowd.enter_context(page(door)), "hello")
         late, own = (crowd.enter_context(page(door)) for _ in range(2))
         for socket in (late, own):
@@ -166,7 +166,7 @@ def test_a_page_gets_the_place_of_one_that_leaves(serving: tuple[Run, Door]) -> 
     _, door = serving
     with ExitStack() as crowd:
         first = crowd.enter_context(page(door))
-        for _ in range(server.MOST_VIEWERS - 1):
+        for _ in range(server.MAX_VIEWERS - 1):
             heard(crowd.enter_context(page(door)), "hello")
         late = crowd.enter_context(page(door))
         heard(late, "note")
@@ -178,8 +178,8 @@ def test_of_many_pages_without_a_place_the_oldest_make_way(
     serving: tuple[Run, Door], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, door = serving
-    monkeypatch.setattr(server, "MOST_VIEWERS", 1)
-    monkeypatch.setattr(server, "MOST_STANDING", 1)
+    monkeypatch.setattr(server, "MAX_VIEWERS", 1)
+    monkeypatch.setattr(server, "MAX_STANDING", 1)
     with page(door) as seated, page(door) as first, page(door) as second:
         heard(seated, "hello")
         heard(second, "note")
@@ -190,7 +190,7 @@ def test_of_many_pages_without_a_place_the_oldest_make_way(
 def test_who_never_shows_the_token_takes_nobodys_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "MOST_VIEWERS", 4)
+    monkeypatch.setattr(server, "MAX_VIEWERS", 4)
     closed, context = elsewhere(tmp_path / "keys")
     (tmp_path / "run").mkdir()
     with served(tmp_path / "run", door=closed) as (_, door), ExitStack() as crowd:

@@ -86,7 +86,7 @@ def test_rows_that_a_viewer_does_not_take_are_left_out_and_counted(
     socket: Any = SimpleNamespace(transport=transport)
     hub: Any = SimpleNamespace()
     viewer = Viewer(socket, hub)
-    monkeypatch.setattr(viewers, "MOST_WAITING", 5)
+    monkeypatch.setattr(viewers, "MAX_WAITING", 5)
     monkeypatch.setattr(viewer, "send_rows", lambda *message: sent.append(message))
     for first in (0, 30, 60):
         viewer.offer(first, 30, 2, b"rows")
@@ -95,7 +95,7 @@ def test_rows_that_a_viewer_does_not_take_are_left_out_and_counted(
 
 def test_what_waits_for_a_viewer_holds_seconds_of_rows_and_no_more_than_a_socket_should() -> None:
     rows = 8 * 100 * 1000  # bytes a second, of 100 columns at 1 kHz
-    assert 4 * rows < viewers.MOST_WAITING < 6 * rows
+    assert 4 * rows < viewers.MAX_WAITING < 6 * rows
 
 
 def pem(folder: Path) -> tuple[Path, Path]:

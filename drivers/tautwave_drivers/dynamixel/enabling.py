@@ -24,7 +24,7 @@ from tautwave_drivers.dynamixel.state import (
 
 AGAIN_NS = 30_000_000
 TRIES = 20
-LEAST_PERIODS = 2
+MIN_PERIODS = 2
 """Between two reads of servos that are on: other buses have to find this one ready in between."""
 
 
@@ -82,7 +82,7 @@ class Enabling:
         """When the servo at `_at` was asked for the answer that it is off and armed; 0: not."""
         self.verified_ns = [0] * len(servos)
         """When each servo was last asked for what it then confirmed."""
-        least_ns = LEAST_PERIODS * bus.period_ns
+        least_ns = MIN_PERIODS * bus.period_ns
         self._interval_ns = max(FORGETS_NS // max(len(servos), 1), least_ns)
         port.write(feed)
 

@@ -17,7 +17,7 @@ from tautwave_drivers.mit import damiao
 Positive = Annotated[float, Field(gt=0.0)]
 StandardId = Annotated[int, Field(ge=1, le=0x7FF)]
 
-LEAST_PERIODS = 3
+MIN_PERIODS = 3
 """Of the bus, that a motor's own watchdog has to wait: one late frame is no fault."""
 
 
@@ -117,10 +117,10 @@ def motors_of(options: MitOptions, bus: BusSpec) -> list[Motor]:
     """
     problems = [f"bus {bus.name}: {text}" for text in _ids_problems(options)]
     known = {motor.id: motor for motor in options.motors}
-    least_s = LEAST_PERIODS / bus.rate_hz
+    least_s = MIN_PERIODS / bus.rate_hz
     if options.watchdog_s < least_s:
         problems.append(
-            f"bus {bus.name}: watchdog_s {options.watchdog_s:g} is less than {LEAST_PERIODS} "
+            f"bus {bus.name}: watchdog_s {options.watchdog_s:g} is less than {MIN_PERIODS} "
             f"periods, so a late frame would switch the motors off; use at least {least_s:.3g}"
         )
     for axis in bus.axes:

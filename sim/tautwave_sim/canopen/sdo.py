@@ -14,7 +14,7 @@ from tautwave_sim.canopen.dictionary import (
 )
 
 _HEAD = struct.Struct("<BHB")
-GREATEST_DOWNLOAD = 4096
+MAX_DOWNLOAD = 4096
 """Bytes; no object here is longer."""
 
 
@@ -100,7 +100,7 @@ class SdoServer:
             self._objects.download(index, sub, request[4 : 4 + size])
         else:
             self._announced = int.from_bytes(request[4:], "little") if command & 1 else 0
-            if self._announced > GREATEST_DOWNLOAD:
+            if self._announced > MAX_DOWNLOAD:
                 raise SdoAbort(TOO_LONG)
             self._receiving = bytearray()
         return _HEAD.pack(0x60, index, sub) + bytes(4)
@@ -110,7 +110,7 @@ class SdoServer:
             raise SdoAbort(COMMAND)
         self._check_toggle(request[0])
         self._receiving += request[1 : 8 - (request[0] >> 1 & 7)]
-        if len(self._receiving) > (self._announced or GREATEST_DOWNLOAD):
+        if len(self._receiving) > (self._announced or MAX_DOWNLOAD):
             raise SdoAbort(TOO_LONG)
         if request[0] & 1:
             if self._announced and len(self._receiving) < self._announced:

@@ -1,8 +1,8 @@
 """What an axis has, and who may spend it: the one owner of an axis' limits and shares."""
 
 from tautwave.allowance.axis import (
-    GREATEST_WALL_SHARE,
     LOAD_SHARE,
+    MAX_WALL_SHARE,
     AxisAllowance,
     Device,
     Spending,
@@ -10,8 +10,8 @@ from tautwave.allowance.axis import (
 )
 
 __all__ = [
-    "GREATEST_WALL_SHARE",
     "LOAD_SHARE",
+    "MAX_WALL_SHARE",
     "AxisAllowance",
     "Device",
     "Spending",

@@ -20,7 +20,7 @@ from typing import NamedTuple
 LOAD_SHARE = 0.5
 """Of an axis' effort rate that its load may take; the rest is shared."""
 
-GREATEST_WALL_SHARE = 0.5
+MAX_WALL_SHARE = 0.5
 """Of what wall and coupling share that a wall gets beside a law which relies on its effort."""
 
 
@@ -214,7 +214,7 @@ def share_out(has: Device, asks: Spending) -> AxisAllowance:
     shared_effort = has.effort - load_effort
     shared_rate = (1.0 - LOAD_SHARE if asks.carries else 1.0) * has.effort_rate
 
-    most = GREATEST_WALL_SHARE * shared_effort if asks.relies else shared_effort
+    most = MAX_WALL_SHARE * shared_effort if asks.relies else shared_effort
     if math.isfinite(asks.wall_limit):
         most = min(asks.wall_limit, shared_effort)
     wall = min(asks.wall_effort, most)

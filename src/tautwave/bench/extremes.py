@@ -21,7 +21,7 @@ from tautwave.rig import command_delays, end_constants, pair_scale
 from tautwave.simulation import simulate
 from tautwave.simulation.rows import Simulation
 
-MOST_CYCLES = 20_000
+MAX_CYCLES = 20_000
 """A case is cut there; the rates reach 100 kHz."""
 
 DECADES = tuple(10.0**power for power in range(10))
@@ -199,11 +199,11 @@ def _of_pairs(rig: Rig) -> Iterator[Group]:
 
 
 def rates(more: Sequence[str]) -> Iterator[Group]:
-    """Yield rates over four decades, each for `MOST_CYCLES` at most."""
+    """Yield rates over four decades, each for `MAX_CYCLES` at most."""
     yield Group(
         "rate, 10 Hz to 100 kHz",
         tuple(
-            (f"rate_hz={rate}", f"duration_s={max(0.1, min(10.0, MOST_CYCLES / rate))!r}", *more)
+            (f"rate_hz={rate}", f"duration_s={max(0.1, min(10.0, MAX_CYCLES / rate))!r}", *more)
             for rate in (10, 100, 500, 1000, 10_000, 100_000)
         ),
     )
@@ -232,7 +232,7 @@ def try_rig(
         rig = load_rig(path, changes)
         span = duration_s
         if span is not None:
-            span = min(span, MOST_CYCLES / rig.rate_hz, rig.duration_s)
+            span = min(span, MAX_CYCLES / rig.rate_hz, rig.duration_s)
         with np.errstate(all="ignore"):
             made = simulate(rig, duration_s=span, engine=engine)
     except (ConfigError, SafetyStop) as err:
@@ -310,7 +310,7 @@ def extremes(
     changes : sequence of str
         As for `--set`.
     duration_s : float
-        Simulated time of each case at most [s]; `MOST_CYCLES` at most.
+        Simulated time of each case at most [s]; `MAX_CYCLES` at most.
     tell : callable
         Called with the name of each group as it starts.
 
@@ -373,7 +373,7 @@ def rig_table(
         "not_finite",
     )
     what = (
-        f"{rig.name} with one parameter at its extremes, {duration_s:g} s ({MOST_CYCLES} cycles at "
+        f"{rig.name} with one parameter at its extremes, {duration_s:g} s ({MAX_CYCLES} cycles at "
         "most) "
         "through simulate; residual of the books and energy generated as shares of "
         "the gross flow; every number of every row is looked at. No certificate is required here."

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.font_manager import FontProperties
 
 
-LEAST_LINE = 1.4
+MIN_LINE = 1.4
 """Text size in a page's legend [pt]."""
 
 
@@ -198,7 +198,7 @@ def _draw_legend(
         **where,
     )
     for line in made.get_lines():  # a single thin line looks paler than many
-        line.set_linewidth(max(line.get_linewidth(), LEAST_LINE * style.stroke))
+        line.set_linewidth(max(line.get_linewidth(), MIN_LINE * style.stroke))
 
 
 def arrange(figure: Figure) -> None:

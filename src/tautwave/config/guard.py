@@ -17,7 +17,7 @@ from tautwave.errors import ConfigError
 from tautwave.kinds import refused
 from tautwave.reading import open_file
 
-MOST_DIGITS = 300
+MAX_DIGITS = 300
 """Of a whole number: a float holds 308."""
 
 DEEPEST_JSON = 64
@@ -37,7 +37,7 @@ def whole_number(text: str) -> int | float:
     Beyond all floats it is infinite, as `1e400` is: readers have a sentence for that, and none
     for an `OverflowError` at the first conversion.
     """
-    return int(text) if len(text) <= MOST_DIGITS else float(text)
+    return int(text) if len(text) <= MAX_DIGITS else float(text)
 
 
 def _whole(text: str) -> int | float:

@@ -6,7 +6,7 @@ enters by half and cannot be seen, so an offset is right to half the round trips
 `clock_doubt` says to how much: it is for plots and for the slot grid, never for a decision on
 safety.
 
-The follower's slots are stretched by at most `GREATEST_SLEW`, never shifted in a step: T differs by
+The follower's slots are stretched by at most `MAX_SLEW`, never shifted in a step: T differs by
 2e-4 at most, and each side's slots keep one numbering.
 
 Source: Mills, RFC 5905 (clock filter and discipline of NTP).
@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-GREATEST_SLEW = 200e-6
+MAX_SLEW = 200e-6
 """Share by which a slot may be longer or shorter than T: ordinary crystals are within 100 ppm."""
 
 
@@ -99,4 +99,4 @@ def slot_stretch(rate: float, late: float, settle: float) -> float:
         Time constant in which that is made up [s].
     """
     stretch = -rate - late / settle
-    return max(-GREATEST_SLEW, min(GREATEST_SLEW, stretch))
+    return max(-MAX_SLEW, min(MAX_SLEW, stretch))

@@ -24,7 +24,7 @@ from typing import NamedTuple
 from tautwave.laws.counters import SPAN
 
 VERSION = 1
-GREATEST_BYTES = 1160
+MAX_BYTES = 1160
 """What passes every path unfragmented, tunnels and the seal included."""
 
 HEADER = struct.Struct(">BBBBIQQQQ")
@@ -100,8 +100,8 @@ def write_packet(packet: Packet) -> bytes:
             numbers += pair
     if count == 0:
         raise ValueError("all lines of a packet repeat the same slots, and there is at least one")
-    if packet_size(len(lines), count - 1) > GREATEST_BYTES:
-        raise ValueError(f"a packet has at most {GREATEST_BYTES} bytes: repeat fewer slots")
+    if packet_size(len(lines), count - 1) > MAX_BYTES:
+        raise ValueError(f"a packet has at most {MAX_BYTES} bytes: repeat fewer slots")
     return layout(len(lines), count - 1).pack(
         VERSION, site, len(lines), count - 1, 0, slot, clock_ns, echo_ns, held_ns, *numbers
     )
@@ -122,7 +122,7 @@ def read_packet(data: bytes, site: int) -> Packet | Refusal:
     if data[0] != VERSION:
         return Refusal.VERSION
     lines, repeated = data[2], data[3]
-    if lines == 0 or len(data) != packet_size(lines, repeated) or len(data) > GREATEST_BYTES:
+    if lines == 0 or len(data) != packet_size(lines, repeated) or len(data) > MAX_BYTES:
         return Refusal.LENGTH
     found = layout(lines, repeated).unpack(data)
     _, sender, _, _, zero, slot, clock_ns, echo_ns, held_ns = found[:FIELDS]

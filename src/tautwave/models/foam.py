@@ -14,7 +14,7 @@ from tautwave.models.plant_params import PlantParams
 
 _ITERATIONS = 80
 _DEEP = 1e15  # depth beyond which a power is no longer formed; no float overflows up to a = 18
-_MOST_SUBSTEPS = 1000
+_MAX_SUBSTEPS = 1000
 
 
 class FoamParams(NamedTuple):
@@ -78,8 +78,8 @@ def foam_substeps(
     if damping > rate:
         rate = damping
     needed = rate * h / 0.05
-    if not needed < _MOST_SUBSTEPS:
-        return _MOST_SUBSTEPS
+    if not needed < _MAX_SUBSTEPS:
+        return _MAX_SUBSTEPS
     return int(needed) + 1
 
 

@@ -14,8 +14,8 @@ from tautwave.models.plant_params import PlantParams
 
 _ITERATIONS = 100
 _LOCATED = 50
-_MOST_SUBSTEPS = 256
-_MOST_SPLITS = 32  # of a step, at kinks
+_MAX_SUBSTEPS = 256
+_MAX_SPLITS = 32  # of a step, at kinks
 _BOUNCE = 100  # steps of the trial that chooses the sub-steps
 
 
@@ -142,7 +142,7 @@ def part_step(
         drive = command + _grip(plant, x, 0.0, reference, rate, t)
         u = _movement(plant, part, x, v, drive, t)
         kink = math.nan
-        if splits < _MOST_SPLITS:
+        if splits < _MAX_SPLITS:
             kink = _kink_between(part, x, u)
         if kink == kink:
             splits += 1
@@ -226,7 +226,7 @@ def part_substeps(
     steps = 1
     free = plant._replace(coulomb=0.0, grip_stiffness=0.0, grip_damping=0.0)
     starts = (x, *part.kinks)
-    while steps < _MOST_SUBSTEPS:
+    while steps < _MAX_SUBSTEPS:
         worst = 0.0
         for start in starts:
             for way in (speed, -speed):

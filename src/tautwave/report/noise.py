@@ -33,7 +33,7 @@ ORDERS = (3, 5)
 STEP_SHARE = 0.8
 """Of a step's square: the greatest variance that rounding shows as in third differences."""
 
-LEAST_SHARE = 1e-6
+MIN_SHARE = 1e-6
 """Of the velocity limit: a deviation that reads as less in a period is ignored. The leak that it
 causes is in proportion to its square, 1e-12 of the power of a device at its limit."""
 
@@ -53,7 +53,7 @@ def noise_sentences(run: Run) -> Iterator[str]:
             found = measured_deviation(run, axis, keys)
             declared = number(keys.get("position_noise")) or 0.0
             limit = number(keys.get("velocity_limit")) or 1.0
-            floor = LEAST_SHARE * limit / (number(run.rig.get("rate_hz")) or 1.0)
+            floor = MIN_SHARE * limit / (number(run.rig.get("rate_hz")) or 1.0)
             if found is not None and found > max(TOLERATED * declared, floor):
                 unit = "rad" if keys.get("kind") == "rotary" else "m"
                 times = f", {found / declared:.2g} times the declared" if declared > 0.0 else ""

@@ -18,7 +18,7 @@ from tautwave.models.chain.params import ChainParams
 from tautwave.models.load import LoadParams, load_effort, load_stiffness
 from tautwave.rig.allowance.once import once_per_rig
 
-GREATEST_SHARE = 0.8
+MAX_SHARE = 0.8
 """Of an axis' effort limit that its load may take."""
 
 MARGIN = 1.1
@@ -268,12 +268,12 @@ def load_reserves(rig: Rig) -> dict[str, float]:
         most = greatest_loads(rig, side) if carried else {}
         for name in carried:
             limit = rig.axes[name].effort_limit
-            if most[name] > GREATEST_SHARE * limit:
+            if most[name] > MAX_SHARE * limit:
                 place = name.replace(".", ".axes.")
                 raise ConfigError(
                     f"{place}.effort_limit: its load takes up to {most[name]:.3g} of {limit:g}, "
                     f"which leaves too little for the coupling; narrow its position_range, or use "
-                    f"a stronger motor ({most[name] / GREATEST_SHARE:.3g} or more)"
+                    f"a stronger motor ({most[name] / MAX_SHARE:.3g} or more)"
                 )
             found[name] = min(MARGIN * most[name], limit)
     return found

@@ -10,7 +10,7 @@ from tautwave.config import Integrator
 from tautwave.errors import ConfigError
 from tautwave.models.foam import FoamParams
 from tautwave.models.integrators.choice import (
-    MOST_SUBSTEPS,
+    MAX_SUBSTEPS,
     Trial,
     choose_scheme,
     refusal,
@@ -102,7 +102,7 @@ def integrated(
         best = "does not resolve the contact" if lost else f"has {trial.error:.2g}"
         raise ConfigError(
             f"simulation.integrator: {axis_name}: {keys.scheme} {best} with {trial.substeps} "
-            f"sub-steps of {1e6 * period / trial.substeps:.3g} us, of at most {MOST_SUBSTEPS}, and "
+            f"sub-steps of {1e6 * period / trial.substeps:.3g} us, of at most {MAX_SUBSTEPS}, and "
             f"max_error is {error:g}; use auto, or a greater max_error"
         )
     return _with(foam, contact, trial, f"worst error {trial.error:.2g} <= {error:g}")

@@ -17,7 +17,7 @@ from tautwave.runtime.tuning.knobs import Knob, Turning, ceiling_knob, coupling_
 WIDEST = 10.0
 """How far beyond its value in the rig a wall's stiffness or damping may be asked for."""
 
-LEAST_CEILING = 0.05
+MIN_CEILING = 0.05
 """Of the effort limit, and of the filter's corner: below, an axis would be left without force."""
 
 
@@ -80,7 +80,7 @@ def _knob(
         pair = (places[f"master.{words[2]}"], places[f"slave.{words[2]}"]) if alike else ()
         turning = ceiling_knob(control, which, pair)
         column = f"tuning.{axis_name}.effort_ceiling"
-        return Knob(path, column, unit, when, limit, LEAST_CEILING * limit, limit, turning)
+        return Knob(path, column, unit, when, limit, MIN_CEILING * limit, limit, turning)
     name = words[2]
     if len(words) == 5:
         axis_name = f"{words[3].removeprefix('wall_')}.{name}"
@@ -92,7 +92,7 @@ def _knob(
         return None  # a receiver takes the place of the line and its filter
     ends = (places[f"master.{name}"], places[f"slave.{name}"])
     turning = coupling_knob(control, ends, registry.load_named(tune), words[3])
-    low = LEAST_CEILING * value
+    low = MIN_CEILING * value
     return Knob(path, f"tuning.{name}.{words[3]}", "Hz", when, value, low, value, turning, False)
 
 

@@ -24,7 +24,7 @@ from tautwave.sites.seal import SECRET_BYTES, SESSION_BYTES
 PROTOCOL = 1
 """Version of messages and datagrams; both sites must have the same."""
 
-MOST_BYTES = 65536
+MAX_BYTES = 65536
 PATIENCE_S = 5.0
 """Time for a handshake with all its answers, or for one message later [s]."""
 AGAIN_S = 0.25
@@ -179,8 +179,8 @@ class Channel:
         if not more:
             raise _Broken("closed the connection")
         self._waiting += more
-        if len(self._waiting) > MOST_BYTES:
-            raise _Broken(f"sent a message of over {MOST_BYTES} bytes")
+        if len(self._waiting) > MAX_BYTES:
+            raise _Broken(f"sent a message of over {MAX_BYTES} bytes")
         return True
 
     def _message(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from tautwave.sites.seal import Opener, Sealer
 EXPEDITED = 46 << 2
 """Expedited forwarding (RFC 3246) in the byte that routers look at."""
 
-MOST_BYTES = 2048
+MAX_BYTES = 2048
 
 
 def open_socket(host: str, port: int) -> socket.socket:
@@ -72,7 +72,7 @@ class DataPort:
         """Yield each authentic payload and when it was read [ns], of `most` datagrams at most."""
         for _ in range(most):
             try:
-                datagram, address = self._socket.recvfrom(MOST_BYTES)
+                datagram, address = self._socket.recvfrom(MAX_BYTES)
             except BlockingIOError:
                 return
             except OSError:  # such as "connection refused" of an earlier send

@@ -41,7 +41,7 @@ SILENT_S = 1.0
 """A site not heard for so long may be replaced by one that dials with its certificate [s]."""
 GONE_S = 5.0
 """A site silent for this long counts as lost [s]."""
-MOST_BYTES = 65536
+MAX_BYTES = 65536
 
 
 class Order(NamedTuple):
@@ -208,7 +208,7 @@ class Desk:
 
     def _tell(self, kind: str, what: Any) -> None:
         message = json.dumps({kind: what}).encode()
-        if len(message) > MOST_BYTES:  # of which the loop would get a part
+        if len(message) > MAX_BYTES:  # of which the loop would get a part
             note = f"{self._order.peer} sent an oversized message"
             message = json.dumps({"note": note}).encode()
         with suppress(OSError):
@@ -217,7 +217,7 @@ class Desk:
     def _obey(self) -> bool:
         """Do what the loop says; return False where that was the last."""
         try:
-            order = self._local.recv(MOST_BYTES)
+            order = self._local.recv(MAX_BYTES)
         except OSError:
             order = b""
         if not order:

@@ -20,8 +20,8 @@ from tautwave.sites.datagrams import DataPort
 PAYLOAD = struct.Struct(">QQQQ24x")
 """Number, sender's clock, echo of ours and how long it was held [ns]; padded to a wave's size."""
 
-MOST_AT_ONCE = 256
-MOST_WINDOWS = 3600
+MAX_AT_ONCE = 256
+MAX_WINDOWS = 3600
 """All of a test: a line through its end would err at its beginning."""
 SILENCE_S = 3.0
 TAIL_S = 0.5
@@ -97,7 +97,7 @@ def probe(port: DataPort, rate_hz: float, duration_s: float) -> Heard:
         end = start + count * period_ns + round(TAIL_S * 1e9)
         due = start + sent * period_ns if 0 < sent < count else end
         select.select([port], [], [], max(0.0, min(0.1, 1e-9 * (due - time.monotonic_ns()))))
-        for payload, came in port.receive(MOST_AT_ONCE):
+        for payload, came in port.receive(MAX_AT_ONCE):
             heard_ns = came
             if len(payload) != PAYLOAD.size:
                 continue
@@ -106,7 +106,7 @@ def probe(port: DataPort, rate_hz: float, duration_s: float) -> Heard:
             if clock > newest[0]:
                 newest = (clock, came)
             if echo:
-                best = keep_best(best, exchange(came, clock, echo, held), MOST_WINDOWS)
+                best = keep_best(best, exchange(came, clock, echo, held), MAX_WINDOWS)
         if sent == count and now >= end:
             return Heard(tuple(arrivals), best, sent)
         if sent < count and now - heard_ns > SILENCE_S * 1e9:

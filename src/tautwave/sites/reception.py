@@ -20,7 +20,7 @@ from tautwave.clock import MonotonicClock
 from tautwave.errors import LinkError
 from tautwave.sites.control import PATIENCE_S, Channel, Meeting, Session, Wish
 
-MOST_AT_ONCE = 256
+MAX_AT_ONCE = 256
 """Connections whose certificate is not known yet."""
 QUIET_S = 0.5
 """One that begins TLS within this time is not the first to make way [s]."""
@@ -28,9 +28,9 @@ AT_A_TURN = 64
 """Connections taken before those that are there are attended to again."""
 BACKLOG = 1024
 """Connections that the kernel keeps until they are taken; it may allow fewer."""
-MOST_REASONS = 32
+MAX_REASONS = 32
 FULL = (
-    f"over {MOST_AT_ONCE} connections at once that showed no certificate; "
+    f"over {MAX_AT_ONCE} connections at once that showed no certificate; "
     "the oldest of them are closed"
 )
 
@@ -38,15 +38,15 @@ Outcome = tuple[Channel, Session] | LinkError
 
 
 class Reasons:
-    """Why handshakes failed, each reported once, at most `MOST_REASONS`: anyone may cause some."""
+    """Why handshakes failed, each reported once, at most `MAX_REASONS`: anyone may cause some."""
 
     def __init__(self) -> None:
         self._known: set[str] = set()
 
     def is_news(self, error: LinkError) -> bool:
-        """Return whether to report an error: not twice, nor beyond `MOST_REASONS`."""
+        """Return whether to report an error: not twice, nor beyond `MAX_REASONS`."""
         why = str(error).partition(": ")[2]
-        if why in self._known or len(self._known) == MOST_REASONS:
+        if why in self._known or len(self._known) == MAX_REASONS:
             return False
         self._known.add(why)
         return True
@@ -146,7 +146,7 @@ class Reception:
             self._guests[fd] = guest
             self._waiting.register(fd, selectors.EVENT_READ)
             self._resume(guest, lambda g=guest: next(g.meeting))  # type: ignore[misc]
-            self._make_way(MOST_AT_ONCE)
+            self._make_way(MAX_AT_ONCE)
 
     def _attend(self, guest: _Guest) -> None:
         guest.begun = True

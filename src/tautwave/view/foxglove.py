@@ -29,7 +29,7 @@ SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 SOURCE = "foxglove"
 CHANNEL = 1
 ERROR = 2
-MOST_SUBSCRIPTIONS = 16
+MAX_SUBSCRIPTIONS = 16
 """Of one socket, all to the one channel: each brings every row again."""
 MESSAGE = struct.Struct("<BIQ")  # opcode 1, subscription, time [ns]
 CALL = struct.Struct("<BIII")  # opcode 2 (3 for the response), service, call, length of encoding
@@ -162,8 +162,8 @@ class FoxgloveViewer(Viewer):
             for one in asked
             if one.get("channelId") == CHANNEL and _is_number(one.get("id"))
         }
-        if len(self._subscriptions | wanted) > MOST_SUBSCRIPTIONS:
-            self.tell_refused(f"at most {MOST_SUBSCRIPTIONS} subscriptions: there is one channel")
+        if len(self._subscriptions | wanted) > MAX_SUBSCRIPTIONS:
+            self.tell_refused(f"at most {MAX_SUBSCRIPTIONS} subscriptions: there is one channel")
             return
         self._subscriptions |= wanted
 

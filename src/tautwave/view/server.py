@@ -33,17 +33,17 @@ LOOK_S = 1.0 / 30.0
 """From one look at the ring to the next; each brings all rows since the last."""
 
 WAIT_S, KNOCK_S = 0.2, 5.0
-MOST_VIEWERS = 16
+MAX_VIEWERS = 16
 """That get rows; one with the token takes the place of one without."""
 BACKLOG = 1024
 """Connections that the kernel keeps until they are taken; it may allow fewer."""
 AT_A_TURN = 8
-MOST_STANDING = 64
+MAX_STANDING = 64
 """Sockets without a place: of more, the oldest is closed."""
-MOST_BEHIND = 4 << 20
+MAX_BEHIND = 4 << 20
 """[bytes] Of answers that a viewer has not taken; one that asks for more is closed."""
 NO_PLACE = (
-    f"{MOST_VIEWERS} pages are open already: this page gets no data until one is closed; "
+    f"{MAX_VIEWERS} pages are open already: this page gets no data until one is closed; "
     "stop works, and so does the address with the token"
 )
 LARGEST = 1 << 16
@@ -256,7 +256,7 @@ class Server:
         On this machine it may stop the run meanwhile, and for as long as it is there.
         """
         self._standing[viewer] = None
-        if len(self._standing) > MOST_STANDING:
+        if len(self._standing) > MAX_STANDING:
             oldest = next(iter(self._standing))
             del self._standing[oldest]
             oldest.socket.transport.abort()
@@ -278,7 +278,7 @@ class Server:
             return True
         if not (self.door.local or viewer.may):
             return False
-        if len(self.viewers) >= MOST_VIEWERS:
+        if len(self.viewers) >= MAX_VIEWERS:
             without = next((one for one in self.viewers if not one.may), None)
             if without is None or not viewer.may:
                 return False
@@ -291,7 +291,7 @@ class Server:
         return True
 
     async def _hear(self, viewer: Viewer, message: str | bytes) -> None:
-        if viewer.socket.transport.get_write_buffer_size() > MOST_BEHIND:
+        if viewer.socket.transport.get_write_buffer_size() > MAX_BEHIND:
             await viewer.socket.close(1008, "answers are not read")
             return
         await viewer.hear(message)

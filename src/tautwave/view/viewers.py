@@ -16,7 +16,7 @@ from tautwave.errors import TautwaveError
 from tautwave.view.facts import facts_of
 from tautwave.view.watched import Watched
 
-MOST_WAITING = 4 << 20
+MAX_WAITING = 4 << 20
 """[bytes] That a viewer has not taken; beyond it rows are left out for that one, and counted."""
 
 ROWS = struct.Struct("<dd")
@@ -63,7 +63,7 @@ class Viewer:
 
     def offer(self, first: int, count: int, missed: int, rows: bytes) -> None:
         """Send rows without waiting, unless too much is waiting already."""
-        if self.socket.transport.get_write_buffer_size() > MOST_WAITING:
+        if self.socket.transport.get_write_buffer_size() > MAX_WAITING:
             self.left_out += count
             return
         self.send_rows(first, missed + self.left_out, rows)

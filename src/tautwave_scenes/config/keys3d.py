@@ -39,7 +39,7 @@ from tautwave_scenes.config.keys import (
     TapForce,
 )
 from tautwave_scenes.models.tissue.gmsh import gmsh_mesh
-from tautwave_scenes.models.tissue.mesh import CELL, MOST_TETRAHEDRA, Mesh, block, on_faces, placed
+from tautwave_scenes.models.tissue.mesh import CELL, MAX_TETRAHEDRA, Mesh, block, on_faces, placed
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -77,11 +77,11 @@ class Cells(Block):
     @model_validator(mode="after")
     def _check_count(self) -> Self:
         count = CELL * math.prod(self.cells)
-        if count > MOST_TETRAHEDRA:
+        if count > MAX_TETRAHEDRA:
             raise PydanticCustomError(
                 "count",
                 "{count} tetrahedra; {most} are the limit",
-                {"count": count, "most": MOST_TETRAHEDRA},
+                {"count": count, "most": MAX_TETRAHEDRA},
             )
         return self
 

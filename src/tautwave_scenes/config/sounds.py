@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-MOST_SAMPLES = 20_000_000
+MAX_SAMPLES = 20_000_000
 """Largest number of samples over all channels; seven minutes of one channel at 44.1 kHz."""
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
@@ -56,7 +56,7 @@ def read_sound(path: Path) -> Sound:
 
     try:
         with open_file(path) as stream:
-            raw = stream.read(8 * MOST_SAMPLES + 65536)
+            raw = stream.read(8 * MAX_SAMPLES + 65536)
     except OSError as err:
         raise ConfigError(f"cannot be read: {err.strerror}") from err
     layout, data = _chunks(raw)
@@ -65,10 +65,10 @@ def read_sound(path: Path) -> Sound:
     count -= count % layout.channels
     if count == 0:
         raise ConfigError("contains no samples")
-    if count > MOST_SAMPLES:
+    if count > MAX_SAMPLES:
         raise ConfigError(
             f"is too long: over {count / layout.channels / layout.rate_hz:.0f} s in "
-            f"{layout.channels} channels, and {MOST_SAMPLES} samples are the limit; cut it"
+            f"{layout.channels} channels, and {MAX_SAMPLES} samples are the limit; cut it"
         )
     data = data[: count * width]
     if layout.kind == _FLOAT:
@@ -152,7 +152,7 @@ def _chunks(raw: bytes) -> tuple[_Layout, bytes]:
         elif name == b"data":
             if layout is None:
                 raise ConfigError("is corrupt: its format chunk does not precede its data")
-            if size // (layout.bits // 8) <= MOST_SAMPLES and len(body) < size:
+            if size // (layout.bits // 8) <= MAX_SAMPLES and len(body) < size:
                 raise ConfigError(
                     f"is truncated: {size} bytes are expected, but only {len(body)} are present"
                 )

@@ -10,7 +10,7 @@ from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run, block
-from tautwave.report.run.tables import MOST_ELEMENTS, Table
+from tautwave.report.run.tables import MAX_ELEMENTS, Table
 from tautwave.report.units import quantity
 from tautwave_scenes.rig.network import hold_claim, hold_limit
 
@@ -53,7 +53,7 @@ def scene_table(run: Run) -> Table:
     touched = {
         name: account for name, account in elements.items() if any(account.get(key) for key in keys)
     }
-    for name, account in list(touched.items())[:MOST_ELEMENTS]:
+    for name, account in list(touched.items())[:MAX_ELEMENTS]:
         cells = [quantity(account[key], "J", 3) if account.get(key) else "–" for key in keys]
         rows.append((name, *cells))
     more = len(elements) - len(rows)

@@ -37,7 +37,7 @@ AXES = ((MASTER, "-"), (WALL, "--"), (DAMPER, "-."))
 HELD = ("-", "--", "-.", ":")
 """Line styles of what the hand holds, where it holds several."""
 
-MOST_POINTS = 3000
+MAX_POINTS = 3000
 _STYLE = {
     "kinetic": (MASTER, "kinetic"),
     "stored": (SLAVE, "stored in links"),
@@ -53,9 +53,9 @@ _STYLE = {
 def thin(*series: Floats) -> list[Floats]:
     """Return the extremes of every stretch, so that no peak is lost."""
     count = len(series[0])
-    if count <= MOST_POINTS:
+    if count <= MAX_POINTS:
         return list(series)
-    step = -(-count // (MOST_POINTS // 2))
+    step = -(-count // (MAX_POINTS // 2))
     rows = np.arange(0, count // step * step).reshape(-1, step)
     lead = series[-1][rows]
     at = np.sort(

@@ -32,7 +32,7 @@ from tautwave_scenes.networks.pruning import Pruned, prune
 from tautwave_scenes.networks.schemes.choice import SceneChoice, choose_scene_scheme
 from tautwave_scenes.networks.signals import force_signal, sound_signal
 from tautwave_scenes.rig.with_device import tuned_scene
-from tautwave_scenes.runtime.axes import MOST_NODES, SceneControl, SceneRun, guarded
+from tautwave_scenes.runtime.axes import MAX_NODES, SceneControl, SceneRun, guarded
 from tautwave_scenes.runtime.hold import HoldAccount
 
 if TYPE_CHECKING:  # a one-dimensional scene loads no 3D code
@@ -358,7 +358,7 @@ def build_scene(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> Sc
     network = pruned_network(rig).network
     model = SceneModel(network, scene.scheme, rig.period_s, keep_books=True)
     ports = network.ports
-    control = scene_control(rig, delays, cycles, ports, model.compiled.masses[:MOST_NODES])
+    control = scene_control(rig, delays, cycles, ports, model.compiled.masses[:MAX_NODES])
     return scene_run(
         control,
         model,

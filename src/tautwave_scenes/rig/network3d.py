@@ -35,7 +35,7 @@ from tautwave_scenes.rig.network import (
     scene_run,
     sound_force,
 )
-from tautwave_scenes.runtime.axes import MOST_NODES, SceneControl
+from tautwave_scenes.runtime.axes import MAX_NODES, SceneControl
 
 
 def scene3d_of(rig: Rig) -> Scene3d:
@@ -183,7 +183,7 @@ def forces3d(rig: Rig, network: Network3d, cycles: int) -> list[Sequence[float]]
 
 def columns3d(network: Network3d) -> list[str]:
     """Return the names of the first coordinates of the network's masses, `NAME.x` and so on."""
-    return [f"{mass.name}.{c}" for mass in network.masses[:MOST_NODES] for c in "xyz"]
+    return [f"{mass.name}.{c}" for mass in network.masses[:MAX_NODES] for c in "xyz"]
 
 
 def axis_scales(rig: Rig) -> list[float]:

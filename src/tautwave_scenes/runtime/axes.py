@@ -32,7 +32,7 @@ from tautwave_scenes.runtime.hold import HoldAccount, absorbed
 if TYPE_CHECKING:  # a one-dimensional scene loads no 3D code
     from tautwave_scenes.networks3d.live import Model3d
 
-MOST_NODES = 100
+MAX_NODES = 100
 """Most nodes whose positions are recorded."""
 
 

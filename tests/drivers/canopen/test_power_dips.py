@@ -10,8 +10,8 @@ from tests.drivers.canopen.foreign import EFFORT_LIMIT, Foreign, foreign
 from tests.foreign.cia402 import ForeignDrive, Key
 
 WATCHDOG: Key = (0x1016, 1)
-MOST_TORQUE: Key = (0x6072, 0)
-LOANS = (WATCHDOG, MOST_TORQUE)
+MAX_TORQUE: Key = (0x6072, 0)
+LOANS = (WATCHDOG, MAX_TORQUE)
 """What a run sets in a drive and gives back: no drive has it stored."""
 
 

@@ -25,7 +25,7 @@ STEPS = (0.1, 0.3, 1.0, 3.1, 10.0, 100.0, 1000.0)
 DAMPINGS = (0.0, 1e-3, 1.0, 100.0, 1e4)
 PHASES = (0.11, 0.52, 0.87)
 RATES = (10.0, 100.0, 1e3, 1e4, 1e5)
-MOST_TRIALS = 1000
+MAX_TRIALS = 1000
 
 
 class Case(NamedTuple):
@@ -105,7 +105,7 @@ def refused(case: Case, scheme: int) -> str:
         return "" if case.exponent == 1.0 else "exact: closed forms for walls and springs only"
     if scheme == DORMAND_PRINCE:
         needed = case.damping / case.mass * case.h / 3.3
-        if needed > MOST_TRIALS:  # a rig's trial bounce would show it, slowly
+        if needed > MAX_TRIALS:  # a rig's trial bounce would show it, slowly
             return f"dormand_prince needs some {needed:.1g} steps of its own in each at this damper"
         return ""
     return refusal(_plant(case), _foam(case, scheme), scheme, 1.0, case.h)

@@ -43,7 +43,7 @@ SURE = 4.0
 """Standard deviations by which a lever has to trail the other."""
 
 SYNTHETIC_S = 5.0
-LEAST_S = 1.5
+MIN_S = 1.5
 """Shortest recording: half a second at its start and 0.3 s at its end are left out."""
 
 
@@ -94,8 +94,8 @@ def recorded_hands(folder: Path, seconds: float = math.inf) -> list[Hand]:
         read = read_columns(path, [master, slave], clock)
         times = read[clock]
         whole = float(times[-1] - times[0])
-        if whole < LEAST_S:
-            raise ConfigError(f"{path}: has {whole:.3g} s; a hand needs {LEAST_S:g} s at least")
+        if whole < MIN_S:
+            raise ConfigError(f"{path}: has {whole:.3g} s; a hand needs {MIN_S:g} s at least")
         new = np.arange(0.0, min(whole, seconds) + 0.5 * PERIOD, PERIOD)
         moved, far = (
             _radians(each) * recorded_positions(times, read[each], new, False)

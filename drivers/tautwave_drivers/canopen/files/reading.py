@@ -30,8 +30,8 @@ from tautwave_drivers.cia402.objects import find
 
 LARGEST = 4 * 1024 * 1024
 """Bytes; files of large servo families have some 1 MB."""
-MOST_OBJECTS = 20_000
-MOST_SUBS = 254
+MAX_OBJECTS = 20_000
+MAX_SUBS = 254
 
 _SINGLE = (2, 7)
 """Object types DOMAIN and VAR."""
@@ -310,8 +310,8 @@ def _objects(
         names, values = (lists.get((index, kind)) for kind in ("name", "value"))
         for one in _members(path, sections, index, parent, members, names, values):
             found[index, one.sub] = one if dcf or one.value is None else as_default(one)
-        if len(found) > MOST_OBJECTS:
-            raise ConfigError(f"{path}: more than {MOST_OBJECTS} objects, so no drive's file")
+        if len(found) > MAX_OBJECTS:
+            raise ConfigError(f"{path}: more than {MAX_OBJECTS} objects, so no drive's file")
     return found
 
 
@@ -331,11 +331,11 @@ def _members(
 ) -> Iterator[FileObject]:
     """Yield one object, or its sub-objects: in sections of their own, or compact."""
     compact = integer(parent.get("compactsubobj")) if parent else None
-    if compact is not None and not 0 <= compact <= MOST_SUBS:
+    if compact is not None and not 0 <= compact <= MAX_SUBS:
         assert parent is not None
         line = parent.fields["compactsubobj"].line
         raise ConfigError(
-            f"{path}:{line}: CompactSubObj is {compact}; an object has {MOST_SUBS} sub-indices at "
+            f"{path}:{line}: CompactSubObj is {compact}; an object has {MAX_SUBS} sub-indices at "
             "most"
         )
     listed = {sub: text for sub, text in _listed(path, values) if text.text}
@@ -365,11 +365,11 @@ def _listed(path: str, section: _Section | None) -> Iterator[tuple[int, Text]]:
         sub = integer(key)
         if key == "nrofentries":
             continue
-        if sub is None or not 0 <= sub <= MOST_SUBS:
+        if sub is None or not 0 <= sub <= MAX_SUBS:
             assert section is not None
             raise ConfigError(
                 f"{path}:{value.line}: {key[:20]!r} in [{section.name}] is no sub-index (0 to "
-                f"{MOST_SUBS})"
+                f"{MAX_SUBS})"
             )
         yield sub, value
 

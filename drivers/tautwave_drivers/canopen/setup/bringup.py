@@ -56,7 +56,7 @@ TORQUE_OFF_S = 1.0
 START_S = 1.0
 PROBES = 5
 PROBE_S = 0.05
-LEAST_SPREAD_NS = 30_000
+MIN_SPREAD_NS = 30_000
 SECOND_RESPONSE_NS = 10_000_000
 """How long the response of a second node is waited for."""
 
@@ -340,7 +340,7 @@ def _measure_response_times(
                 f"{axis.label} responds to SYNC after {best * 1e-3:.0f} us at best, but only "
                 f"{timeout_ns * 1e-3:.0f} us of a period are available: lower rate_hz"
             )
-        spread = max(LEAST_SPREAD_NS, taken[-1] - best)
+        spread = max(MIN_SPREAD_NS, taken[-1] - best)
         axis.response_time = ResponseTime(best // 2, usual - spread, usual + spread)
         notes.append(
             f"{axis.label}: responds to SYNC after {best * 1e-3:.0f} us at best, "

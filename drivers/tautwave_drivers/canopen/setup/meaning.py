@@ -180,7 +180,7 @@ def _home_offset(read: Read, axis: Axis) -> Verdict:
 
 
 def _wrap(read: Read, axis: Axis) -> Verdict:
-    low, high = read[o.LEAST_WRAP], read[o.GREATEST_WRAP]
+    low, high = read[o.MIN_WRAP], read[o.MAX_WRAP]
     if low == high or (low == -(1 << 31) and high == (1 << 31) - 1):
         return Verdict()
     return Verdict(f"positions jump at these ends; set both to 0 {TOOL}")
@@ -442,7 +442,7 @@ def _speed_cap(read: Read, axis: Axis) -> Verdict:
 TABLE = (
     Row((o.POLARITY,), "the signs of 6064h, 606Ch and 60FFh", "0 alone", _polarity),
     Row((o.HOME_OFFSET,), "the zero of 6064h", "home_offset of the rig", _home_offset),
-    Row((o.LEAST_WRAP, o.GREATEST_WRAP), "where 6064h wraps", "equal, or 32 bits", _wrap),
+    Row((o.MIN_WRAP, o.MAX_WRAP), "where 6064h wraps", "equal, or 32 bits", _wrap),
     Row((o.POSITION_UNIT,), "6064h and 607Ah", "increments, or the rig's counts", _position_unit),
     Row(
         (o.GEAR_MOTOR, o.GEAR_SHAFT, o.FEED, o.FEED_REVOLUTIONS),

@@ -24,9 +24,9 @@ from tautwave_drivers.cia402.communication import (
 from tautwave_drivers.cia402.entry import Entry
 
 _ID_BITS = 0x7FF
-MOST_PDOS, PDOS_OF_AN_AXIS = 512, 64
+MAX_PDOS, PDOS_OF_AN_AXIS = 512, 64
 """PDOs in each direction, and of each axis of a drive with several (CiA 402-1)."""
-MOST_MAPPED = 8
+MAX_MAPPED = 8
 PROBING_NS = 2_000_000_000
 _TYPES = {1: "on every SYNC", 255: "on event"}
 
@@ -104,7 +104,7 @@ def _map(
 def _mapped(drive: RemoteDrive, pdo: PdoEntries) -> list[int]:
     """Return the mapping entries that the drive holds."""
     count = drive.find(pdo.mapped_count) or 0
-    found = [drive.find(pdo.mapped(number)) for number in range(1, min(count, MOST_MAPPED) + 1)]
+    found = [drive.find(pdo.mapped(number)) for number in range(1, min(count, MAX_MAPPED) + 1)]
     return [word for word in found if word is not None]
 
 
@@ -138,7 +138,7 @@ def silence_others(drive: RemoteDrive, used: Collection[int], named: Collection[
     notes = []
     end = drive.clock.now_ns() + PROBING_NS
     for name, base, make in (("RPDO", 0x1400, rpdo), ("TPDO", 0x1800, tpdo)):
-        listed = {index - base + 1 for index in named if 0 < index - base < MOST_PDOS}
+        listed = {index - base + 1 for index in named if 0 < index - base < MAX_PDOS}
         for number, found in _valid_pdos(drive, make, listed, end):
             entry = make(number).cob_id
             try:
@@ -170,7 +170,7 @@ def _valid_pdos(
     Upwards until one does not exist, of each axis that a drive may have, and those of its EDS.
     """
     ahead = sorted(listed, reverse=True)
-    for block in range(1, MOST_PDOS, PDOS_OF_AN_AXIS):
+    for block in range(1, MAX_PDOS, PDOS_OF_AN_AXIS):
         number = block
         while number < block + PDOS_OF_AN_AXIS and drive.clock.now_ns() < end_ns:
             found = drive.find(make(number).cob_id)

@@ -23,8 +23,8 @@ READS = (READ_COILS, READ_DISCRETE, READ_HOLDING, READ_INPUT, READ_WRITE)
 TABLE_OF = {READ_COILS: "coil", READ_DISCRETE: "discrete", READ_INPUT: "input", WRITE_COIL: "coil",
           WRITE_COILS: "coil"}  # fmt: skip
 """The table that a function code is about, where it is not that of holding registers."""
-MOST_BITS = 2000
-MOST_READ, MOST_WRITTEN, MOST_WRITTEN_READING = 125, 123, 121
+MAX_BITS = 2000
+MAX_READ, MAX_WRITTEN, MAX_WRITTEN_READING = 125, 123, 121
 
 _PAIR = struct.Struct(">HH")
 _TWO_PAIRS = struct.Struct(">HHHH")
@@ -67,14 +67,14 @@ def parse(pdu: bytes, functions: Sequence[int]) -> Request:
             raise Refusal(ILLEGAL_VALUE)
         address, count = _PAIR.unpack(body)
         request = Request(function, read_address=address, read_count=count)
-        _check(1 <= count <= (MOST_BITS if function in TABLE_OF and function != 4 else MOST_READ))
+        _check(1 <= count <= (MAX_BITS if function in TABLE_OF and function != 4 else MAX_READ))
     elif function == WRITE_COIL:
         _check(len(body) == 4 and body[2:] in (b"\xff\x00", b"\x00\x00"))
         request = Request(function, _PAIR.unpack(body)[0], (int(body[2] == 0xFF),))
     elif function == WRITE_COILS:
         _check(len(body) >= 6)
         address, count = _PAIR.unpack_from(body)
-        _check(1 <= count <= MOST_BITS and len(body) == 5 + body[4] == 5 + (count + 7) // 8)
+        _check(1 <= count <= MAX_BITS and len(body) == 5 + body[4] == 5 + (count + 7) // 8)
         bits = tuple(body[5 + at // 8] >> at % 8 & 1 for at in range(count))
         request = Request(function, address, bits)
     elif function == WRITE_ONE:
@@ -85,13 +85,13 @@ def parse(pdu: bytes, functions: Sequence[int]) -> Request:
     elif function == WRITE_MANY:
         _check(len(body) >= 5)
         address, count = _PAIR.unpack_from(body)
-        words = _words(body[4:], count, MOST_WRITTEN)
+        words = _words(body[4:], count, MAX_WRITTEN)
         request = Request(function, address, words)
     elif function == READ_WRITE:
         _check(len(body) >= 9)
         read_address, read_count, address, count = _TWO_PAIRS.unpack_from(body)
-        _check(1 <= read_count <= MOST_READ)
-        words = _words(body[8:], count, MOST_WRITTEN_READING)
+        _check(1 <= read_count <= MAX_READ)
+        words = _words(body[8:], count, MAX_WRITTEN_READING)
         request = Request(function, address, words, read_address, read_count)
     else:
         raise Refusal(ILLEGAL_FUNCTION)

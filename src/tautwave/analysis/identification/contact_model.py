@@ -41,8 +41,8 @@ MODELS = ("spring", "contact", "preloaded", "hunt_crossley", "mass")
 AUTOMATIC = ("spring", "contact", "preloaded", "hunt_crossley")
 BETTER = 0.9  # of the residual of a simpler model: so much less, or the simpler one is taken
 SURFACES = 40  # places of the surface tried before refining the best
-LEAST_FREE, LEAST_TOUCHING = 0.1, 0.015  # of the samples: less shows no free part, no contact
-LEAST_ELASTIC = 0.5  # of the force's variance due to stiffness: less means no contact
+MIN_FREE, MIN_TOUCHING = 0.1, 0.015  # of the samples: less shows no free part, no contact
+MIN_ELASTIC = 0.5  # of the force's variance due to stiffness: less means no contact
 ROUGH_ROWS = 1000
 EXPONENT_RANGE = (1.0, 6.0)  # below 1 a surface would be infinitely stiff
 
@@ -127,7 +127,7 @@ def _columns(motion: Motion, model: str, theta: Sequence[float] | Array, side: i
 def _bounds(motion: Motion, side: int) -> tuple[float, float]:
     """Lowest and highest place of the surface, so that something is free and something touches."""
     ordered = np.sort(motion.position)
-    below, above = (LEAST_FREE, LEAST_TOUCHING) if side > 0 else (LEAST_TOUCHING, LEAST_FREE)
+    below, above = (MIN_FREE, MIN_TOUCHING) if side > 0 else (MIN_TOUCHING, MIN_FREE)
     last = len(ordered) - 1
     return float(ordered[int(below * last)]), float(ordered[int((1.0 - above) * last)])
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tautwave.analysis.identification.regression import Array, Kernel
 
-LEAST_ROWS = 60
+MIN_ROWS = 60
 EXPONENTS = (1.0, 1.5, 2.2)
 """From which the exponent of a power law is refined."""
 
@@ -53,10 +53,10 @@ def motion_of(
     if known is not None:
         use = kernel.mass(~known) < 1e-3
     rows = np.flatnonzero(use)[:: kernel.step]
-    if len(rows) < LEAST_ROWS:
+    if len(rows) < MIN_ROWS:
         raise ValueError(
             f"{len(position)} samples are too few: {len(rows)} are left after the filter"
-            f" of {kernel.cutoff_hz:.3g} Hz, and {LEAST_ROWS} are needed"
+            f" of {kernel.cutoff_hz:.3g} Hz, and {MIN_ROWS} are needed"
         )
     return Motion(position, kernel, rows, target[rows])
 

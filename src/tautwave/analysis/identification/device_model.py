@@ -25,7 +25,7 @@ SIGN_NOISE = 4.0  # standard deviations a velocity has to be from zero for its s
 UNSIGNED_SHARE = 0.25  # of the kernel that may fall on samples whose sign is not known
 STUCK_SHARE = 0.02  # of the kernel that may fall on turning points where it may have stuck
 METHOD = 1e-3  # of a value: what is left of turning points between samples, of uneven noise
-LEAST_ROWS = 60
+MIN_ROWS = 60
 
 
 class DeviceFit(NamedTuple):
@@ -159,7 +159,7 @@ def _solve_rows(
 ) -> tuple[NDArray[np.int64], Array, Array, Array]:
     """Rows, columns, target and coefficients; the rows are those marked, thinned."""
     rows = np.flatnonzero(use)[:: kernel.step]
-    if len(rows) < LEAST_ROWS:
+    if len(rows) < MIN_ROWS:
         raise ValueError(
             "the device hardly moved: it exceeded its sensor's noise for only "
             f"{len(rows) * kernel.step * kernel.period:.2g} s"

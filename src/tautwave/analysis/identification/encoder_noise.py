@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tautwave.analysis.identification.regression import Array, Estimate, student_quantile
 from tautwave.models.noise_colour import LAGS
 
-LEAST_SAMPLES = 1000
+MIN_SAMPLES = 1000
 BLOCKS = 20
 PIECE_S, PIECE_SAMPLES = 1.0, 2000
 """Least length of a straight piece of the drift, whichever is longer."""
@@ -32,8 +32,8 @@ REPEATED = 0.2
 ON_LATTICE = 0.1  # rms distance from it, in steps; 0.29 for values that know of none
 FINE = 0.02  # a step below this share of the deviation does not matter
 DITHER = 0.6  # deviation in steps, the step's own part included, from which noise dithers
-MOST_DRIFT = 10.0  # steps or deviations
-LEAST_PART = 500  # samples of a part that is looked at for motion
+MAX_DRIFT = 10.0  # steps or deviations
+MIN_PART = 500  # samples of a part that is looked at for motion
 BURST, OFF = 3.0, 0.7  # deviation and mean of a part over the median deviation
 SLOW = 8.0  # deviation over what differences of neighbours make of it if they were white
 
@@ -75,10 +75,8 @@ def fit_noise(position: Array, period: float, known: NDArray[np.bool_]) -> Noise
         Too few samples, or the lever moved; the message says which.
     """
     count = int(np.count_nonzero(known))
-    if count < LEAST_SAMPLES:
-        raise ValueError(
-            f"{count} samples are too few to estimate noise; {LEAST_SAMPLES} are needed"
-        )
+    if count < MIN_SAMPLES:
+        raise ValueError(f"{count} samples are too few to estimate noise; {MIN_SAMPLES} are needed")
     values = position[known]
     step, levels = lattice(values)
     if levels == 1:
@@ -166,7 +164,7 @@ def _refuse_motion(
     bends = np.diff(rest, 2)[seen]
     quick = math.sqrt(float(np.mean(bends**2)) / 6.0) if len(bends) else 0.0
     scale = max(step, min(spread, SLOW * quick))
-    if float(np.ptp(drift)) > MOST_DRIFT * scale:
+    if float(np.ptp(drift)) > MAX_DRIFT * scale:
         raise ValueError(
             f"it moved by {np.ptp(drift):.3g}, {np.ptp(drift) / scale:.3g} times its noise"
         )
@@ -174,7 +172,7 @@ def _refuse_motion(
         raise ValueError(
             f"it moved: {spread:.3g} rms, but only {quick:.2g} from one sample to the next"
         )
-    parts = np.array_split(rest, min(BLOCKS, max(len(rest) // LEAST_PART, 1)))
+    parts = np.array_split(rest, min(BLOCKS, max(len(rest) // MIN_PART, 1)))
     deviations = np.array([float(np.std(part)) for part in parts])
     means = np.array([abs(float(np.mean(part))) for part in parts])
     usual = max(float(np.median(deviations)), step)

@@ -27,7 +27,7 @@ from tautwave.analysis.identification.regression import (
 SLOW = 6.0
 """Velocity below which friction has no known sign, in deviations of the velocity's noise."""
 
-LEAST_ROWS = 60
+MIN_ROWS = 60
 
 
 class Moved(NamedTuple):
@@ -83,7 +83,7 @@ def moved(
     rows = np.zeros(len(use), dtype=bool)
     rows[:: kernel.step] = True
     rows &= use
-    if np.count_nonzero(rows) < LEAST_ROWS:
+    if np.count_nonzero(rows) < MIN_ROWS:
         raise ValueError("it hardly moved: increase the amplitude or the duration")
     return Moved(
         rows.astype(np.float64),

@@ -16,7 +16,7 @@ from tautwave.analysis.identification.regression import (
 
 BLOCKS = 20
 ON_LATTICE = 0.1  # rms distance of differences from multiples of the step, in steps
-LEAST_STEP = 1e-3  # of the median difference: less is rounding of the file
+MIN_STEP = 1e-3  # of the median difference: less is rounding of the file
 TRIED = 60
 
 
@@ -24,7 +24,7 @@ def moving_step(position: Array) -> float:
     """Return the step that all differences are multiples of, 0 where there is none."""
     changes = np.abs(np.diff(position))
     typical = float(np.median(changes[changes > 0.0])) if np.any(changes > 0.0) else 0.0
-    able = np.sort(changes[changes > LEAST_STEP * typical])
+    able = np.sort(changes[changes > MIN_STEP * typical])
     if len(able) < BLOCKS:
         return 0.0
     small = float(np.median(able[: max(5, len(able) // 200)]))

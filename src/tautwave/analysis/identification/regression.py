@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 REACH = 7.0  # standard deviations of the kernel kept on each side: 2e-11 is left out
-LEAST_WIDTH = 1.5  # [samples] of the standard deviation: narrower, the kernel itself aliases
+MIN_WIDTH = 1.5  # [samples] of the standard deviation: narrower, the kernel itself aliases
 BLOCKS = 20
 Z_95 = 1.959963984540054
 
@@ -50,7 +50,7 @@ class Kernel:
     def __init__(self, period: float, cutoff_hz: float) -> None:
         self.period = period
         width = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff_hz * period)
-        self.width = max(width, LEAST_WIDTH)
+        self.width = max(width, MIN_WIDTH)
         self.half = math.ceil(REACH * self.width)
         self.step = max(1, int(self.width))
         at = np.arange(-self.half, self.half + 1) / self.width

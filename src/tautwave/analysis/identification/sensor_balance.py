@@ -29,7 +29,7 @@ DEVIATIONS = 4.0
 SURELY = 1.5
 """Times the friction believed in, what a device at rest may hold at most."""
 
-LEAST_SHARE = 0.02
+MIN_SHARE = 0.02
 """Of the effort limit, what it may hold at least, whatever is assumed."""
 
 
@@ -68,7 +68,7 @@ class SensorBalance(NamedTuple):
 
 def most_at_rest(coulomb: float, effort_limit: float) -> float:
     """Return the greatest friction of a device at rest, from the assumed values [N m or N]."""
-    return max(SURELY * coulomb, LEAST_SHARE * effort_limit)
+    return max(SURELY * coulomb, MIN_SHARE * effort_limit)
 
 
 def find_rests(

@@ -17,7 +17,7 @@ from tautwave.analysis.identification.contact_model import ContactFit, fit_conta
 from tautwave.analysis.identification.contact_motion import motion_of
 from tautwave.analysis.identification.regression import Array, Estimate, intervals
 
-MOST_LAG_S = 0.02
+MAX_LAG_S = 0.02
 """Longest lag that is looked for; a sensor later than that is no sensor of a contact."""
 
 BETTER = 0.995
@@ -42,7 +42,7 @@ def fit_lagged(seen: Recorded, plain: ContactFit) -> ContactFit | None:
     `plain` is the fit without a lag, whose damping is negative.
     """
     least = _least_lag(plain)
-    if least is None or least > MOST_LAG_S:
+    if least is None or least > MAX_LAG_S:
         return None
     best: tuple[float, ContactFit] | None = None
     for _ in range(3):  # the damping of the delayed position is not quite K L less
@@ -102,7 +102,7 @@ def _interval(seen: Recorded, fit: ContactFit, lag: float) -> Estimate:
     step = 0.05 * lag
     ends = [_fit(seen, fit.name, lag + sign * step) for sign in (1.0, -1.0)]
     if any(end is None or len(end.model) != len(fit.model) for end in ends):
-        return Estimate(lag, 0.0, MOST_LAG_S)
+        return Estimate(lag, 0.0, MAX_LAG_S)
     more, less = (np.asarray(end.model) for end in ends if end is not None)
     slope = (more - less) / (2.0 * step)
     [found] = intervals(slope[:, None], fit.effort - fit.model, [lag])

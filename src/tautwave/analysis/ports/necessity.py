@@ -43,10 +43,10 @@ from tautwave.analysis.walls.sampled_user import sampled_root
 from tautwave.errors import ConfigError
 
 Controller = Rational | Delayed | Sampled
-LEAST_MASS = 1e-3
+MIN_MASS = 1e-3
 """Least mass of a constructed hand [kg or kg m**2] unless another is given."""
 _DOUBLINGS = 60
-_MOST_TURNS = 1000  # of the delay, in a scan for the hand that grows fastest
+_MAX_TURNS = 1000  # of the delay, in a scan for the hand that grows fastest
 
 
 class User(NamedTuple):
@@ -104,7 +104,7 @@ def destabilising_hand(
     *,
     share: float = 0.5,
     device: User | None = None,
-    least_mass: float = LEAST_MASS,
+    least_mass: float = MIN_MASS,
 ) -> Counterexample | None:
     """Return a passive hand that the controller drives unstable, verified; None if there is none.
 
@@ -342,7 +342,7 @@ def _band(k: Controller) -> tuple[float, float]:
     if isinstance(k, Rational):
         return 1e-3 * float(sizes.min(initial=1.0)), 1e3 * float(sizes.max(initial=1.0))
     turn = 4.0 * math.pi / k.delay
-    high = max(turn, min(4.0 * float(sizes.max(initial=0.0)), _MOST_TURNS * turn))
+    high = max(turn, min(4.0 * float(sizes.max(initial=0.0)), _MAX_TURNS * turn))
     return min(1e-3 * float(sizes.min(initial=turn)), 1e-3 * turn), high
 
 

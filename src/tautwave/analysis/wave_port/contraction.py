@@ -40,7 +40,7 @@ FOLDS = 3
 
 CELLS = 48
 HALVINGS = 24
-MOST_CELLS = 200_000
+MAX_CELLS = 200_000
 FEW_TOUCHES, TOUCHES = 3, 16
 """Steps by which the point P is sought."""
 
@@ -78,7 +78,7 @@ def prove(r: Reflection, device: Folded) -> Outcome:
         if np.any(~(at_centre >= 0.0)):
             return Outcome(False, float(centre[np.argmin(at_centre)]))
         low, high = np.concatenate([low, centre]), np.concatenate([centre, high])
-        if len(low) > MOST_CELLS:
+        if len(low) > MAX_CELLS:
             break
     return Outcome(False, math.nan)
 

@@ -18,7 +18,7 @@ PAGE = "report.html"
 FILES = (PAGE, "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
 
 
-MOST_LEFT_OUT = 20
+MAX_LEFT_OUT = 20
 """Rows of what was left out that are shown."""
 
 LINK_HEADS = ("", ">lost", ">delay p50", ">p99", ">owed at most", ">energy short", ">held")
@@ -110,7 +110,7 @@ def _operation(summary: Summary) -> Iterator[Sequence[str | Cell]]:
 
 def _left_out(summary: Summary) -> Iterator[Sequence[str]]:
     """Yield what was left out, or how much where it is more than a screen has room for."""
-    if len(summary.left_out) <= MOST_LEFT_OUT:
+    if len(summary.left_out) <= MAX_LEFT_OUT:
         yield from ((one.element, one.reason) for one in summary.left_out)
     else:
         yield f"{count(len(summary.left_out))} elements", "the report lists them"

@@ -6,7 +6,7 @@ from tautwave.config.keys.operate import Resting
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document
 
-LEAST_STEPS = 4
+MIN_STEPS = 4
 """Of the drive's effort, with which a brake still holds."""
 
 
@@ -59,10 +59,10 @@ def _check_brakes(document: Document, parts: Parts, key: tuple[str, str]) -> Non
             if missing:
                 text = f"a brake needs {missing} of {side}.{name}; add it, or remove this key"
                 document.report(key, text)
-            elif share * axis.effort_limit < LEAST_STEPS * axis.effort_quantum:
+            elif share * axis.effort_limit < MIN_STEPS * axis.effort_quantum:
                 document.report(
                     key,
                     f"{side}.{name} would be held with {share * axis.effort_limit:.3g}, less than "
-                    f"{LEAST_STEPS} steps of its effort_quantum, {axis.effort_quantum:g}; raise it "
+                    f"{MIN_STEPS} steps of its effort_quantum, {axis.effort_quantum:g}; raise it "
                     f"(got {share:g})",
                 )

@@ -16,7 +16,7 @@ from tautwave.config.guard import read_guarded
 from tautwave.errors import ConfigError
 from tautwave.models.chain.build import Body, Matrix, Vector, is_inertia, placed, roll_pitch_yaw
 
-GREATEST_FILE = 1 << 24  # bytes
+MAX_FILE = 1 << 24  # bytes
 DEEPEST = 32
 
 
@@ -44,7 +44,7 @@ class UrdfReader:
 
     def tree(self) -> Node:
         """Return the `<robot>` of the file."""
-        text = read_guarded(self.path, "URDF file", GREATEST_FILE)
+        text = read_guarded(self.path, "URDF file", MAX_FILE)
         parser = expat.ParserCreate()
         top = Node("", 0, {})
         open_nodes = [top]

@@ -17,7 +17,7 @@ from tautwave.models.noise_colour import TOLERANCE, least_spectrum
 LEAST, GREATEST = 1e-100, 1e15
 """Sizes of numbers in a rig file: no unit of SI needs more."""
 
-GREATEST_WHOLE = 2**63 - 1
+MAX_WHOLE = 2**63 - 1
 """Of identities and seeds."""
 
 
@@ -53,7 +53,7 @@ def outsized(value: Any) -> Iterator[float]:
         if value and not LEAST <= math.fabs(value) <= GREATEST:
             yield value
     elif isinstance(value, int):
-        if abs(value) > GREATEST_WHOLE:
+        if abs(value) > MAX_WHOLE:
             yield float(value)
     elif isinstance(value, tuple | list):
         for one in value:

@@ -30,7 +30,7 @@ NOISE_MARGIN = 0.25
 FRICTIONS = 2.0
 """Times its own Coulomb friction, what a leader resists with for a law that leaves it alone."""
 
-LEAST_SHARE = 0.01
+MIN_SHARE = 0.01
 """Of its effort limit, what it resists with at least; its friction may not be identified."""
 
 
@@ -70,7 +70,7 @@ def level_resistance(keys: Account, axis: CoupledAxis, *, alone: bool) -> dict[s
     assert axis.inertia is not None
     friction = keys.level_friction
     if friction is None:
-        least = LEAST_SHARE * axis.effort_limit
+        least = MIN_SHARE * axis.effort_limit
         friction = max(FRICTIONS * axis.coulomb, least) if alone else 0.0
     if friction == 0.0:
         return {}
@@ -146,7 +146,7 @@ def account_params(
         edge=edge,
         enough=1.0 if leads else LEADER_SHARE,
         window=round(1.0 / axis.period),
-        felt=max(axis.coulomb, LEAST_SHARE * axis.effort_limit),
+        felt=max(axis.coulomb, MIN_SHARE * axis.effort_limit),
         smoothing=axis.period / (axis.period + SMOOTHED_S),
         gain=steepest,
         **resistance,

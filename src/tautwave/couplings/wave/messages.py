@@ -18,10 +18,10 @@ from tautwave.laws.servo.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
 
-GREATEST_STEP = 0.1
+MAX_STEP = 0.1
 """Of the effort limit: a held force chatters by about as much as one step changes the effort."""
 
-GREATEST_LEAK = 0.01
+MAX_LEAK = 0.01
 """Of effort limit times velocity limit."""
 
 
@@ -112,16 +112,16 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
         step = step_effort(port, observer_of(keys, side, period, mass), axis.encoder_quantum)
         has = allowance_of(rig, axis_name, delays)
         share = step / has.shared_effort
-        if share > GREATEST_STEP:
-            softer = port_impedance(keys, "master") * GREATEST_STEP / share
+        if share > MAX_STEP:
+            softer = port_impedance(keys, "master") * MAX_STEP / share
             yield (
                 f"hint on {axis_name}",
                 f"one encoder step changes the effort by {share:.0%} of effort_limit, and a held "
                 f"force chatters by about that much; wave_impedance up to {softer:.2g} keeps it "
-                f"below {GREATEST_STEP:.0%}",
+                f"below {MAX_STEP:.0%}",
             )
         share = has.quantum / has.shared_effort
-        if share > GREATEST_STEP:
+        if share > MAX_STEP:
             yield (
                 f"hint on {axis_name}",
                 f"one step of its drive is {share:.0%} of effort_limit, so its effort constantly "
@@ -131,7 +131,7 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
         if not isinstance(claim, Claim):
             continue
         noise = claim.leak - claim.lag - claim.steps
-        if noise > GREATEST_LEAK * claim.effort * claim.velocity:
+        if noise > MAX_LEAK * claim.effort * claim.velocity:
             colour = ""
             loud = axis.position_noise > 0.5 * axis.encoder_quantum
             if loud and axis.position_noise_autocorrelation is None:

@@ -38,7 +38,7 @@ DECOUPLED = 0.1
 OWED_PERIODS = 2.0
 """A gap of the waves of so many periods is felt: on a short line that is all of a held force."""
 
-REPEATS, MOST_REPEATS = 0.25, 8.0
+REPEATS, MAX_REPEATS = 0.25, 8.0
 """Slots without a sample that a sample allows, and as many at most: a fifth, eight in a row."""
 
 SHRUNK = 0.99
@@ -172,7 +172,7 @@ def close(
         e.damper_dissipated += dissipated
     e.wave_sum = 0.0
     e.wave_energy = 0.0
-    if e.repeats < MOST_REPEATS:
+    if e.repeats < MAX_REPEATS:
         e.repeats += REPEATS
 
 

@@ -45,7 +45,7 @@ COST_NS = {
 """Time of one sub-step, compiled, in ns: rounded figures of `python -m tests.lab workprecision`.
 Only their ratios matter. Exact and Dormand-Prince: of a whole step at a contact, at 1e-3."""
 
-MOST_SUBSTEPS = 1024
+MAX_SUBSTEPS = 1024
 _PHASES: tuple[float, ...] = (0.07, 0.31, 0.56, 0.83)
 _LATTICE = (13, 8)
 """Entry phases times neighbouring steps: (i + 1/2) / 13 of a step, and 8 i modulo 13 likewise."""
@@ -244,7 +244,7 @@ def try_scheme(
         return Trial(scheme, 1, tolerance, error, math.inf)
     substeps = 1
     last = 0
-    while substeps <= MOST_SUBSTEPS and cost * substeps < budget_ns:
+    while substeps <= MAX_SUBSTEPS and cost * substeps < budget_ns:
         t = h / substeps
         error = math.inf
         if refusal(plant, one, scheme, speed, t) == "":

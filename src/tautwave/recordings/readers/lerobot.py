@@ -16,7 +16,7 @@ from tautwave.recordings.readers.shared import Array, chosen
 from tautwave.recordings.stated import Stated
 
 INFO = Path("meta") / "info.json"
-MOST_BYTES = 1 << 24
+MAX_BYTES = 1 << 24
 """Of that file."""
 
 
@@ -39,7 +39,7 @@ def dataset_columns(
 
 def _episode(path: Path, stated: Stated) -> dict[str, Array]:
     try:
-        info = json.loads(read_file(path / INFO, MOST_BYTES))
+        info = json.loads(read_file(path / INFO, MAX_BYTES))
         features: dict[str, Any] = dict(info["features"])
         count = int(info["total_episodes"])
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as err:

@@ -17,7 +17,7 @@ from tautwave.reading import open_file
 from tautwave.recordings.readers.shared import GREATEST, MEND, Array, wrong
 from tautwave.recordings.stated import Stated
 
-MOST_ROWS = 10_000_000
+MAX_ROWS = 10_000_000
 """Of CSV text: nearly three hours at 1 kHz."""
 LONGEST_LINE = 1 << 20
 """Characters of a line of CSV text."""
@@ -127,7 +127,7 @@ def text_columns(
     ------
     ConfigError
         It cannot be read, lacks a column, has a cell that is not a finite number, times that do not
-        increase, fewer than two rows, or more than `MOST_ROWS`.
+        increase, fewer than two rows, or more than `MAX_ROWS`.
     """
     timed = stated.rate_hz is None
     rows_read: list[list[float]] = []
@@ -163,8 +163,8 @@ def text_columns(
                         f"{path}:{number_of}: time must increase, "
                         f"but {numbers[0]:.12g} follows {rows_read[-1][0]:.12g}"
                     )
-                if len(rows_read) == MOST_ROWS:
-                    raise ConfigError(f"{path}: more than {MOST_ROWS} rows; shorten or decimate it")
+                if len(rows_read) == MAX_ROWS:
+                    raise ConfigError(f"{path}: more than {MAX_ROWS} rows; shorten or decimate it")
                 rows_read.append(numbers)
     except (OSError, UnicodeDecodeError, csv.Error) as err:
         raise ConfigError(f"{path}: the recording cannot be read: {err}") from err

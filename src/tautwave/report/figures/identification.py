@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 NAME = "identification.png"
 UNDER = 2.6  # width of a line drawn under another one [pt]
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 
 
 def contact_figure(
@@ -45,7 +45,7 @@ def contact_figure(
     for axes in (rest, trace):
         axes.sharex(time)
     loop.margins(x=0.03)
-    thin = slice(None, None, max(1, len(chosen.time_s) // MOST_POINTS))
+    thin = slice(None, None, max(1, len(chosen.time_s) // MAX_POINTS))
     loop.plot(
         chosen.position[thin], chosen.effort[thin], color=FILTER, linewidth=UNDER, label="measured"
     )
@@ -132,7 +132,7 @@ def _sentence(fit: ContactFit, units: tuple[str, str]) -> str:
 def device_figure(fit: DeviceFit, axis: str, units: tuple[str, str]) -> Figure:
     """Filtered effort over time with the model's, and the residual."""
     figure, (time, rest) = panels([1.9, 1.2], f"Identification of {axis}", True)
-    thin = slice(None, None, max(1, len(fit.time_s) // MOST_POINTS))
+    thin = slice(None, None, max(1, len(fit.time_s) // MAX_POINTS))
     factor, unit = scale_for(float(np.max(np.abs(fit.effort))), units[1])
     measured = factor * fit.effort[thin]
     time.plot(fit.time_s[thin], measured, color=FILTER, linewidth=UNDER, label="commanded")
@@ -162,7 +162,7 @@ def noise_figure(fit: NoiseFit, period: float, unit: str) -> Figure:
     """Noise over time, and its spectrum as the declared lags have it."""
     figure, (time, density) = panels([1.9, 1.5], "Encoder of a lever at rest", [False, False])
     factor, scaled = scale_for(float(np.max(np.abs(fit.residual))), unit)
-    thin = slice(None, None, max(1, len(fit.residual) // MOST_POINTS))
+    thin = slice(None, None, max(1, len(fit.residual) // MAX_POINTS))
     times = period * np.arange(len(fit.residual))
     time.plot(times[thin], factor * fit.residual[thin], color=SLAVE, linewidth=0.6)
     time.set_xlabel("time [s]")

@@ -30,7 +30,7 @@ DORMAND_PRINCE = 4
 FEW_CYCLES = 2000
 """Cycles of one pair that plain Python replays in less than a second, all rates together."""
 
-MOST_CYCLES = 120_000
+MAX_CYCLES = 120_000
 """Most cycles replayed when compiled: an hour's report stays as quick as a minute's."""
 
 FACTORS = {"half": 0.5, "double": 2.0}
@@ -94,7 +94,7 @@ def replay_of(rig: Rig, span_s: float) -> Replay:
     if cycles <= few:
         return Replay(span_s, "python", True)
     if kernel_is_kept(rig):
-        most = min(cycles, MOST_CYCLES)
+        most = min(cycles, MAX_CYCLES)
         return Replay(most * rig.period_s, "compiled", most == cycles)
     return Replay(few * rig.period_s, "python", False)
 

@@ -18,7 +18,7 @@ from tautwave.summary import plain_summary, read_summary
 LARGEST = 16 * 1024 * 1024
 """Bytes of rig.yaml: one of many pairs has some 100 kB."""
 
-MOST_WRONG = 5
+MAX_WRONG = 5
 """Values of a summary that are wrong and said to be."""
 
 MISSING = (
@@ -140,7 +140,7 @@ def _summary(directory: Path, notes: list[str]) -> tuple[dict[str, Any], str]:
         summary, wrong = read_summary(directory)
     except ConfigError as error:
         return {}, str(error) if (directory / "summary.json").exists() else ""
-    notes += [f"{one}." for one in wrong[:MOST_WRONG]]
+    notes += [f"{one}." for one in wrong[:MAX_WRONG]]
     return plain_summary(summary), ""
 
 

@@ -11,8 +11,8 @@ from tautwave.report.run.views import PairView
 from tautwave.report.units import MISSING, count, microseconds, quantity
 from tautwave.summary.model import Axis, Size
 
-MOST_CONTACTS = 12
-MOST_ELEMENTS = 40
+MAX_CONTACTS = 12
+MAX_ELEMENTS = 40
 
 
 class Table(NamedTuple):
@@ -163,9 +163,9 @@ def contact_table(view: PairView) -> list[Table]:
         position, effort = view.units[side]
         shown = found
         note = ""
-        if len(found) > MOST_CONTACTS:
-            shown = sorted(sorted(found, key=lambda c: -c.peak_effort)[:MOST_CONTACTS])
-            note = f"The hardest {MOST_CONTACTS} of {count(len(found))}."
+        if len(found) > MAX_CONTACTS:
+            shown = sorted(sorted(found, key=lambda c: -c.peak_effort)[:MAX_CONTACTS])
+            note = f"The hardest {MAX_CONTACTS} of {count(len(found))}."
         rows = tuple(
             (
                 f"{contact.start_s:.3f} s",

@@ -14,7 +14,7 @@ from tautwave.config import Axis, Rig
 from tautwave.session.acceptance.document import Check
 from tautwave.session.guided.control import GuidedControl
 
-MOST_SHARE, GROW_S = 0.2, 2.0
+MAX_SHARE, GROW_S = 0.2, 2.0
 """Of the effort limit at most, reached after this time: dry friction is overcome on the way."""
 FAR = {"rotary": math.radians(1.0), "linear": 1e-3}
 """[rad or m] How far an axis is pushed."""
@@ -55,7 +55,7 @@ def motions(
     if any(rig.axes[name].causality == "impedance" for name in axes):
         yield from control.ask(
             "each axis that takes effort is pushed both ways by a degree or two (1 mm), with at "
-            f"most {MOST_SHARE:g} of its effort limit; keep clear, then press Enter"
+            f"most {MAX_SHARE:g} of its effort limit; keep clear, then press Enter"
         )
     checks = []
     for name in axes:
@@ -102,7 +102,7 @@ def _push(
     velocities: list[float] = []
     efforts: list[float] = []
     while abs(moved) < far and control.now_ns - begun < 1e9 * GROW_S:
-        share = MOST_SHARE * max(control.now_ns - begun, 0) / (1e9 * GROW_S)
+        share = MAX_SHARE * max(control.now_ns - begun, 0) / (1e9 * GROW_S)
         control.push(name, way * share * axis.effort_limit)
         yield
         impulse += share * axis.effort_limit * period

@@ -13,7 +13,7 @@ from tautwave.latency_timer import read_ms, timer_file
 from tautwave.session.doctor.finding import BARS, COSTS, GOOD, UNKNOWN, Finding
 
 LONGEST_TIMER_MS = 1
-LEAST_QUEUE = 20
+MIN_QUEUE = 20
 """Frames; a cycle of six axes and SYNC sends seven, and two cycles may wait after a hiccup."""
 
 ARPHRD_CAN = "280"
@@ -92,7 +92,7 @@ def can_interface(channel: str, root: Path, bitrate: int | None, links: Links) -
         )  # fmt: skip
     queue = _read(net / "tx_queue_len")
     yield from _waiting(channel, details.get("queue", {}).get("qlen", 0), queue, up)
-    if queue.isdigit() and int(queue) < LEAST_QUEUE:
+    if queue.isdigit() and int(queue) < MIN_QUEUE:
         yield Finding(
             channel, COSTS, f"queue of {queue} frames",
             "frames beyond that in one cycle are lost",

@@ -42,7 +42,7 @@ GROW_S = 1.5
 FALL_S = 0.05
 MEMORY_S = 1.0
 ENOUGH, SPEED_SHARE = 0.7, 0.5
-LEAST_ROOM, ROOM_SHARE = 0.1, 0.6
+MIN_ROOM, ROOM_SHARE = 0.1, 0.6
 
 
 class ShakenParams(NamedTuple):
@@ -186,7 +186,7 @@ class Excitation:
         """
         plan = self._plan
         room = min(position - plan.low, plan.high - position)
-        if room < LEAST_ROOM * (plan.high - plan.low):
+        if room < MIN_ROOM * (plan.high - plan.low):
             raise SafetyStop(
                 f"{plan.axis} is at {position:.4g}, at the end of its range [{plan.low:g}, "
                 f"{plan.high:g}]; move it towards the middle"

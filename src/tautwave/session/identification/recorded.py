@@ -10,7 +10,7 @@ import numpy as np
 
 from tautwave.analysis.identification.contact_model import (
     AUTOMATIC,
-    LEAST_ELASTIC,
+    MIN_ELASTIC,
     ContactFit,
     choose,
     fit_contact,
@@ -169,7 +169,7 @@ def identify_recording(
         if lagged is not None:
             fits = [*fits, lagged]
             chosen = lagged
-    found = chosen.elastic_share >= LEAST_ELASTIC and chosen.working_stiffness.lower > 0.0
+    found = chosen.elastic_share >= MIN_ELASTIC and chosen.working_stiffness.lower > 0.0
     track_s, track = _track(chosen)
     result = ContactResult(series, fits, chosen, cutoff, found, [], track_s, track)
     return result._replace(notes=[*series.notes, *result.implausible, *_doubts(chosen, found)])

@@ -15,10 +15,10 @@ from tautwave.recordings.columns import MADE, column_names, is_own, read_columns
 from tautwave.recordings.stated import UNSTATED, Stated
 from tautwave.recordings.times import time_columns
 
-MOST_SAMPLES = 100_000
+MAX_SAMPLES = 100_000
 """Most samples used of a recording; more would take minutes without improving the fit."""
 
-LEAST_CHANGE = 1e-50
+MIN_CHANGE = 1e-50
 """Change in SI whose squares are still numbers."""
 
 UNEVEN = 0.6  # share of a period: a larger gap in time is filled in and not used
@@ -71,7 +71,7 @@ def changing(series: Series) -> Series:
         (series.position_name, series.position),
         (series.effort_name, series.effort),
     ):
-        if not np.ptp(values) > LEAST_CHANGE:
+        if not np.ptp(values) > MIN_CHANGE:
             raise RecordingError(
                 f"{series.source}: {name} never changes, so nothing can be identified"
             )
@@ -111,7 +111,7 @@ def read_positions(
     t = times[inside]
     period = _period(series, t)
     slots = np.rint((t - t[0]) / period).astype(np.int64)
-    slots = slots[slots < 4 * MOST_SAMPLES]
+    slots = slots[slots < 4 * MAX_SAMPLES]
     count = int(slots[-1]) + 1
     values = np.zeros(count)
     known = np.zeros(count, dtype=bool)
@@ -207,8 +207,8 @@ def _inside(
     notes = list(series.notes)
     if missing:
         notes.append(f"{missing} of {asked} samples are missing or not valid, and were left out.")
-    if np.count_nonzero(inside) > MOST_SAMPLES:
-        inside[np.flatnonzero(inside)[MOST_SAMPLES:]] = False
+    if np.count_nonzero(inside) > MAX_SAMPLES:
+        inside[np.flatnonzero(inside)[MAX_SAMPLES:]] = False
         last = times[inside][-1]
         notes.append(f"Only the part up to {last:.4g} s is used; --from and --to choose another.")
     return inside, tuple(notes)
@@ -226,7 +226,7 @@ def _even(series: Series, times: Array, part: tuple[float | None, float | None])
     inside, notes = _inside(series, times, part)
     t, x, force = times[inside], series.position[inside], series.effort[inside]
     period = _period(series, t)
-    count = min(round((t[-1] - t[0]) / period) + 1, 4 * MOST_SAMPLES)
+    count = min(round((t[-1] - t[0]) / period) + 1, 4 * MAX_SAMPLES)
     grid = t[0] + period * np.arange(count)
     return series._replace(
         start_s=float(t[0]),

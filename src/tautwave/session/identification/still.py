@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.analysis.identification.encoder_noise import (
-    LEAST_SAMPLES,
+    MIN_SAMPLES,
     NoiseFit,
     fit_noise,
 )
@@ -19,7 +19,7 @@ from tautwave.rig.arms import without_carrying
 from tautwave.session.identification.identifying import record_excitation
 from tautwave.session.identification.recorded_columns import Series, read_positions
 
-GREATEST_ERROR = 0.1
+MAX_ERROR = 0.1
 """Of a lag, without a doubt."""
 
 
@@ -95,7 +95,7 @@ def identify_noise(
     except ValueError as err:
         remedy = (
             "record longer"
-            if series.known.sum() < LEAST_SAMPLES
+            if series.known.sum() < MIN_SAMPLES
             else "clamp the lever with its motor off, or choose a still part with --from and --to"
         )
         raise RecordingError(f"{source}: {series.position_name}: {err}; {remedy}") from err
@@ -151,7 +151,7 @@ def _doubts(series: Series, fit: NoiseFit) -> list[str]:
             f"A lag is one sample at {1.0 / series.period:.6g} Hz: measure again when the rate of "
             "the axis changes."
         )
-    if fit.lag_error > GREATEST_ERROR:
+    if fit.lag_error > MAX_ERROR:
         notes.append(
             f"Doubtful: the lags are known only to within {fit.lag_error:.2g}; record longer."
         )

@@ -40,9 +40,9 @@ CUTOFF_HZ = 4.0
 FADE_S = 2.0
 ROOM_SHARE = 0.8
 PASSES = 2
-LEAST_MASS = 0.02
+MIN_MASS = 0.02
 ARM_LENGTH = 0.1
-"""What a centre of mass may be believed wrong by [m], for a link lighter than LEAST_MASS too."""
+"""What a centre of mass may be believed wrong by [m], for a link lighter than MIN_MASS too."""
 
 
 class SlowMotion:
@@ -275,7 +275,7 @@ def fit_loads(
         columns[:, :, 4 * number] = units[0]
         for axis in range(3):
             columns[:, :, 4 * number + 1 + axis] = units[1 + axis] - units[0]
-    masses = [max(links[index].body.mass, LEAST_MASS) for index in at]
+    masses = [max(links[index].body.mass, MIN_MASS) for index in at]
     scales = [scale for mass in masses for scale in (mass, *([ARM_LENGTH * mass] * 3))]
     start = links
     for _ in range(PASSES):  # what accelerates is taken as found the time before

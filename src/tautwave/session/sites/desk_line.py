@@ -14,9 +14,9 @@ from typing import Any
 
 from tautwave.errors import LinkError
 from tautwave.sites.control import Session
-from tautwave.sites.desk import MOST_BYTES, Order
+from tautwave.sites.desk import MAX_BYTES, Order
 
-MOST_NOTES = 50
+MAX_NOTES = 50
 """Of a session: anybody who reaches the port causes them."""
 LONGEST_REASON = 2000
 """Characters of a reason, which has to fit into a message."""
@@ -104,7 +104,7 @@ class DeskLine(Leaving):
 
     def _next(self) -> Mapping[str, Any]:
         try:
-            message = self._line.recv(MOST_BYTES)
+            message = self._line.recv(MAX_BYTES)
         except ConnectionError:
             message = b""
         self._over = not message
@@ -135,5 +135,5 @@ def session_of(joined: Mapping[str, Any]) -> Session:
 def keep_note(session: dict[str, Any], note: str) -> None:
     """Keep a desk's note with what is known of a session, as long as there are few."""
     notes = session.setdefault("notes", [])
-    if len(notes) < MOST_NOTES:
+    if len(notes) < MAX_NOTES:
         notes.append(note)

@@ -18,7 +18,7 @@ from tautwave.link.packet import Line, Packet, read_packet, write_packet
 from tautwave.sites.control import Session
 from tautwave.sites.datagrams import DataPort
 
-MOST_AT_ONCE = 32
+MAX_AT_ONCE = 32
 """Datagrams looked at in a slot: a flood costs the loop no more than that."""
 SETTLE_S = 10.0
 """Time in which the follower's slots make up for being late [s]."""
@@ -93,7 +93,7 @@ class Endpoint:
         if self._port is None:
             return False
         came = False
-        for payload, now in self._port.receive(MOST_AT_ONCE):
+        for payload, now in self._port.receive(MAX_AT_ONCE):
             found = read_packet(payload, self._side)
             if not isinstance(found, Packet) or len(found.lines) != self._pairs:
                 self.unread += payload != HELLO

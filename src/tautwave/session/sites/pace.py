@@ -6,10 +6,10 @@ from statistics import median
 
 from tautwave.session.sites.endpoint import Endpoint
 
-MOST_AHEADS = 31
+MAX_AHEADS = 31
 """Looks at both counts of slots, of which the median is taken."""
 
-GREATEST_LATE_S = 0.1
+MAX_LATE_S = 0.1
 """Slots that are further behind [s] stay so: a clock stood still, as that of a machine asleep."""
 
 
@@ -52,14 +52,14 @@ class Pace:
         """Return by how much the next slot is longer [ns]; `slot` of the session, -1: none."""
         endpoint = self._endpoint
         looked = endpoint.look_at_clocks(now_ns)
-        if looked and slot >= 0 and len(self._aheads) < MOST_AHEADS:
+        if looked and slot >= 0 and len(self._aheads) < MAX_AHEADS:
             self._aheads.append(endpoint.ahead(slot, now_ns, self._period_ns))
             self.ahead = median(self._aheads)
         if not self._follows:
             return 0
         if looked:
             phase = endpoint.offset + self.trimmed
-            if self._phase is None or abs(phase - self._phase) > GREATEST_LATE_S:
+            if self._phase is None or abs(phase - self._phase) > MAX_LATE_S:
                 self._phase = phase
             self.stretch = endpoint.stretch(phase - self._phase)
         self._residue += self.stretch * self._period_ns

@@ -17,7 +17,7 @@ from tautwave.runtime.operate.mailbox import Mailbox
 from tautwave.runtime.recorder import Recorder
 from tautwave.runtime.unwatched import may_be_enabled
 
-MOST_TEXT = 300
+MAX_TEXT = 300
 
 
 @contextmanager
@@ -50,7 +50,7 @@ def tell_end(assembly: Assembly, recorder: Recorder, result: LoopResult) -> None
     if not ended:
         return
     at_s = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
-    entry = Entry(round(at_s, 9), "fault", "run", "ended", ended[:MOST_TEXT])
+    entry = Entry(round(at_s, 9), "fault", "run", "ended", ended[:MAX_TEXT])
     if isinstance(assembly.control, Journalled):
         assembly.control.journal.note(entry)
     else:

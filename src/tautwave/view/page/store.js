@@ -1,13 +1,13 @@
 // Rows as they came, at the full rate: one Float64Array a column, the newest minute of them.
 
-const MOST_BYTES = 96e6;
+const MAX_BYTES = 96e6;
 const KEEP_S = 60;
 
 export class Store {
   constructor(columns, rate) {
     this.columns = columns;
     this.width = columns.length;
-    this.room = Math.max(1024, Math.min(Math.ceil(rate * KEEP_S), Math.floor(MOST_BYTES / (8 * this.width))));
+    this.room = Math.max(1024, Math.min(Math.ceil(rate * KEEP_S), Math.floor(MAX_BYTES / (8 * this.width))));
     this.data = columns.map(() => new Float64Array(this.room));
     this.time = this.data[columns.indexOf("time_s")];
     this.end = 0; // rows received; row k is in slot k % room

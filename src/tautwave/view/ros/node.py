@@ -33,7 +33,7 @@ LOOPBACK = "lo"
 KEPT = 10
 """Messages that wait for a slow reader; what ROS 2 has by default."""
 
-LEAST_INDEXED = 32
+MIN_INDEXED = 32
 """Participants of one machine that are found where there is no multicast."""
 
 _CDR = Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False)
@@ -77,7 +77,7 @@ def configuration(interface: str, peers: Sequence[str] = ()) -> str:
         "<CycloneDDS><Domain><General><Interfaces>"
         f'<NetworkInterface name="{html.escape(interface)}" multicast="true"/>'
         "</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
-        f"<MaxAutoParticipantIndex>{LEAST_INDEXED}</MaxAutoParticipantIndex>"
+        f"<MaxAutoParticipantIndex>{MIN_INDEXED}</MaxAutoParticipantIndex>"
         f"<Peers>{listed}</Peers></Discovery></Domain></CycloneDDS>"
     )
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Iterator, NamedTuple  # noqa: UP035 - models import arithmetic only
 
-from tautwave_scenes.models.tissue.mesh import MOST_TETRAHEDRA, Corners, Mesh, doubled_face, righted
+from tautwave_scenes.models.tissue.mesh import MAX_TETRAHEDRA, Corners, Mesh, doubled_face, righted
 
 _TETRAHEDRON = 4
 _SKIPPED = {1: "lines", 2: "triangles", 15: "points"}
@@ -102,8 +102,8 @@ def _mesh(
             raise ValueError(f"{name}: node {number} is not finite")
     if not found:
         raise ValueError(f"{name} holds no tetrahedra: mesh the volume, not its surface")
-    if len(found) > MOST_TETRAHEDRA:
-        raise ValueError(f"{name} holds {len(found)} tetrahedra; {MOST_TETRAHEDRA} are the limit")
+    if len(found) > MAX_TETRAHEDRA:
+        raise ValueError(f"{name} holds {len(found)} tetrahedra; {MAX_TETRAHEDRA} are the limit")
     used = sorted({number for corners in found for number in corners})
     missing = [number for number in used if number not in places]
     if missing:

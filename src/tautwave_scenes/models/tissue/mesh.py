@@ -7,7 +7,7 @@ from typing import Iterable, NamedTuple, Sequence  # noqa: UP035 - models import
 
 from tautwave_scenes.models.tissue.algebra import Vector
 
-MOST_TETRAHEDRA = 100_000
+MAX_TETRAHEDRA = 100_000
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")
 Corners = tuple[int, int, int, int]
 

@@ -19,7 +19,7 @@ from tautwave.models.integrators.schemes import DISCRETE_GRADIENT, RK4, SYMPLECT
 from tautwave.models.plant_params import PlantParams
 from tautwave_scenes.networks.network import LINEAR, Network
 
-MOST_EXACT = 400
+MAX_EXACT = 400
 """Masses above which a dense exponential is too slow for a loop (`networks.schemes.exact`)."""
 
 _TRIED = {
@@ -51,7 +51,7 @@ def choose_scene_scheme(network: Network, period: float, speed: float) -> SceneC
     """
     if network.strings:
         return SceneChoice("discrete_gradient", "discrete_gradient: strings need it")
-    if all(link.kind in LINEAR for link in network.links) and len(network.masses) <= MOST_EXACT:
+    if all(link.kind in LINEAR for link in network.links) and len(network.masses) <= MAX_EXACT:
         return SceneChoice("exact", "exact: springs and dampers only, so no error at any rate")
     others = [link for link in network.links if link.kind not in LINEAR and link.kind != "contact"]
     if others:

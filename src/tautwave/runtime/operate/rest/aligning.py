@@ -17,7 +17,7 @@ REST_S = 0.1
 PATIENCE_S = 5.0
 """Beyond the time that the way takes, after which an alignment is blocked."""
 
-MOST_WAYS = 5
+MAX_WAYS = 5
 """Ways that slaves go in one alignment, each with a budget, while their masters move on."""
 
 
@@ -103,7 +103,7 @@ class Alignment:
     def is_late(self, slot: int) -> bool:
         """Return whether it has taken too long, or cannot be done."""
         gone = self.let_go > 0 and bool(self._astray())
-        return slot > self._limit or self._ways >= MOST_WAYS or bool(self._refused) or gone
+        return slot > self._limit or self._ways >= MAX_WAYS or bool(self._refused) or gone
 
     def arrived(self, slot: int) -> bool:
         """Return whether all slaves are in place, and all axes stand.
@@ -116,7 +116,7 @@ class Alignment:
             return False
         if self._astray():
             self._ways += 1
-            if self._ways < MOST_WAYS:
+            if self._ways < MAX_WAYS:
                 self._limit = 0
                 self.start(slot)
             return False
