@@ -23,7 +23,7 @@ def test_every_cycle_asks_all_buses_before_it_reads_any_and_writes_last() -> Non
         ("hand", "write"), ("arm", "write"),
     ]  # fmt: skip
     begin = [(bus, method) for method in ("open", "enable_step") for bus in ("hand", "arm")]
-    end = [(bus, method) for method in ENDING for bus in ("hand", "arm")]
+    end = [(bus, method) for method in (*ENDING, "faults") for bus in ("hand", "arm")]
     assert bench.log == begin + 3 * cycle + end
 
 

@@ -200,6 +200,36 @@ def test_the_first_reason_is_the_one_that_is_reported() -> None:
     assert result.stop == (0.005, "slave.a", "device_fault")
 
 
+@pytest.mark.parametrize("when", [10, "leaving"])
+def test_what_a_silent_device_says_later_ends_the_sentence(when: int | str) -> None:
+    """A servo that was switched off and on: silent first, and back while the others are stopped."""
+    said = Fault("slave.a", "torque enable reads 0 instead of 1", True)
+    gone = {"valid": lambda axis, k: k < 6}
+    at = 12 if when == "leaving" else when  # 6 + 3 missing, 3 of the release; then the last look
+    earlier = {2: Fault("slave.a", "warm", False), 9: Fault("slave.a", "a note", False)}
+    bench = Bench(
+        cycles=300, release=3, missing_limit=3, arm={"faults": earlier | {at: said}, **gone}
+    )
+    result = bench.loop.run()
+    assert bench.arm.counts["faults"] == 13
+    assert isinstance(result.error, DeviceFault)
+    assert str(result.error) == (
+        "slave.a on bus 'arm': no sample in 3 cycles in a row; then slave.a: torque enable reads "
+        "0 instead of 1"
+    )
+    assert result.stop is not None
+    assert result.stop.reason == "no_sample"
+    assert said._replace(text=f"slave.a: {said.text}") in result.faults
+    assert_left_safely(bench)
+
+
+def test_a_fault_before_the_stop_is_none_of_its_reasons() -> None:
+    bench = Bench(cycles=300, missing_limit=3, arm={"valid": lambda axis, k: k < 6})
+    bench.loop._sensing.faults.append(Fault("slave.a", "an old one, reset since", True))
+    bench.loop._sensing._until_stop = 1
+    assert str(bench.loop.run().error).endswith("in a row; check power and cable")
+
+
 # -- engaging --------------------------------------------------------------------------------------
 
 

@@ -77,6 +77,8 @@ class Bringup:
         self._settings: dict[int, DeviceSettings] = {}
         self.unwatched: dict[str, str] = {}
         self.watchdog_s: dict[str, float] = {}
+        self.marked: set[int] = set()
+        """Ids of servos whose LED shows that they were not switched off and on; see `mark`."""
         self.errors: dict[int, Errors] = {}
         self.notes = notes
         self.identities: dict[str, dict[str, str]] = {}
@@ -385,6 +387,15 @@ class Bringup:
             if found is not None and not found.number and len(found.data) == block.size:
                 held[block] = found.data  # older firmware lacks some
         return held
+
+    def mark(self, servo: Servo) -> None:
+        """Switch on the LED of a servo without a bus watchdog: one that restarts has it off.
+
+        Else nothing would tell until torque is on, with a goal that is its greatest current.
+        """
+        if servo.axis.name in self.unwatched and self._find(servo, reg.LED) is not None:
+            self._put(servo, reg.LED, 1)
+            self.marked.add(servo.options.id)
 
     def arm(self, servo: Servo) -> None:
         """Write the bus watchdog and read it back; it runs once torque is on."""

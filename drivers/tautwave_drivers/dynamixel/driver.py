@@ -13,7 +13,7 @@ from it on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 from tautwave.contracts import BusSpec, BytePort, Clock, Row
 from tautwave.driver_base import DriverBase
@@ -87,6 +87,7 @@ class DynamixelDriver(DriverBase):
         self._enabling: Enabling | None = None
         self._sent_ns = 0
         self._status_block = options.status_block
+        self._marked: Container[int] = ()
         self._armed: list[int | None] = [watchdog_units(options)] * len(self._servos)
         self._held: list[Remembered] = [{} for _ in self._servos]
         self._errors = [Errors(options.tolerated)] * len(self._servos)
@@ -139,7 +140,9 @@ class DynamixelDriver(DriverBase):
         self._try_reading()
         self._unwind()
         for servo in self._servos:
+            bringup.mark(servo)
             bringup.arm(servo)
+        self._marked = bringup.marked
         bringup.verify(self._servos)
         mapped = self._options.status_block
         self._held[:] = [bringup.remember(servo, mapped=mapped) for servo in self._servos]
@@ -277,6 +280,7 @@ class DynamixelDriver(DriverBase):
                 round(KEEP_ALIVE_SHARE * self._watchdog_ns),
                 self._armed,
                 self._errors,
+                self._marked,
             )
             return False
         ready = self._enabling.step()
@@ -414,13 +418,16 @@ class DynamixelDriver(DriverBase):
         if not self._lost:
             self._staging.zero()
             goals = self._staging.packet()
-            self.unconfirmed = leave(port, self._line, goals, self._servos, self.watchdog_s)
+            self.unconfirmed = leave(
+                port, self._line, goals, self._servos, self.watchdog_s, self._marked
+            )
 
     def _end(self) -> None:
         if self._port is not None and self.unconfirmed:
             self.unconfirmed = leave_again(
-                self._clock, self._reconnect, self._servos, self.watchdog_s, self.unconfirmed
-            )
+                self._clock, self._reconnect, self._servos, self.watchdog_s, self._marked,
+                self.unconfirmed,
+            )  # fmt: skip
 
     def _release(self) -> None:
         self._enabling = None

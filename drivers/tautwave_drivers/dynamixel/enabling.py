@@ -5,7 +5,7 @@ A step waits only for an answer that would be too old by the next one, as on a s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 
 from tautwave.contracts import BusSpec, BytePort, Clock
 from tautwave.errors import DeviceFault, DriverError
@@ -17,6 +17,7 @@ from tautwave_drivers.dynamixel.state import (
     FORGETS_NS,
     TORQUE,
     Errors,
+    marker_fault,
     state_fault,
     state_register,
     watchdog_fault,
@@ -49,6 +50,8 @@ class Enabling:
         Longest time between two of them [ns].
     armed, errors
         Each servo's bus watchdog, and what it does about hardware errors.
+    marked : container of int
+        Ids of those without one whose LED is off once they were switched off and on.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class Enabling:
         feed_ns: int,
         armed: Sequence[int | None],
         errors: Sequence[Errors],
+        marked: Container[int] = (),
     ) -> None:
         self._port = port
         self._clock = clock
@@ -72,6 +76,7 @@ class Enabling:
         self._feed_ns = feed_ns
         self._armed = armed
         self._errors = errors
+        self._marked = marked
         self._buffer = bytearray()
         self._at = 0
         self._sent_ns = self._fed_ns = clock.now_ns()
@@ -132,6 +137,7 @@ class Enabling:
         if found.instruction != packet.STATUS or len(found.data) != state_register(armed).size:
             return  # late, and the response to another request
         self._pending = False
+        marker = marker_fault(found.data) if servo.options.id in self._marked else ""
         if not self._on[self._at]:
             error = found.data[TORQUE.size - 1]
             errors = self._errors[self._at]
@@ -140,12 +146,12 @@ class Enabling:
                 raise DeviceFault(f"{self._where(servo)}: {text}")
             if not found.data[0]:
                 watchdog = reg.BUS_WATCHDOG.decode(found.data[-1:])
-                text = "" if armed is None else watchdog_fault(watchdog, armed)
+                text = marker if armed is None else watchdog_fault(watchdog, armed)
                 if text:
                     raise DeviceFault(f"{self._where(servo)}: {text}")
                 self._armed_off_ns = self._sent_ns
                 return  # switched on, and asked again
-        text = state_fault(found.data, armed, self._errors[self._at])
+        text = state_fault(found.data, armed, self._errors[self._at]) or marker
         if text:
             raise DeviceFault(f"{self._where(servo)}: {text}")
         self._on[self._at] = True

@@ -6,7 +6,7 @@ and here all the others have to be switched off as well. Torque off is read back
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Mapping, Sequence
 
 from tautwave.contracts import BytePort, Clock
 from tautwave.errors import DriverError
@@ -27,11 +27,17 @@ def torque_packet(on: int, ids: Sequence[int]) -> bytes:
 
 
 def leave(
-    port: BytePort, line: Line, goals: bytes, servos: Sequence[Servo], watched: Collection[str]
+    port: BytePort,
+    line: Line,
+    goals: bytes,
+    servos: Sequence[Servo],
+    watched: Collection[str],
+    marked: Container[int],
 ) -> dict[str, str]:
     """Send `goals` and torque off to all at once; return by axis who did not confirm it, and why.
 
-    The bus watchdog of a servo that is off is disarmed, if it is `watched`; else it stops it.
+    The bus watchdog of a servo that is off is disarmed, if it is `watched`; else it stops it. The
+    LED of a `marked` one goes off.
     """
     names = [servo.axis.name for servo in servos]
     doubtful = {}
@@ -42,6 +48,8 @@ def leave(
             if why:
                 text = f"servo {servo.options.id} did not confirm torque off: {why}"
                 doubtful[name] = text
+            elif servo.options.id in marked:
+                line.write(servo.options.id, reg.LED.address, b"\x00")
             names = names[1:]
     except DriverError as err:
         doubtful |= dict.fromkeys(names, str(err))
@@ -53,6 +61,7 @@ def leave_again(
     connect: Callable[[], tuple[BytePort, Line]],
     servos: Sequence[Servo],
     watched: Collection[str],
+    marked: Container[int],
     doubtful: Mapping[str, str],
 ) -> dict[str, str]:
     """Try again, on a line that `connect` opens anew where it is lost; return who is left."""
@@ -65,7 +74,7 @@ def leave_again(
         except DriverError as err:
             left |= dict.fromkeys((servo.axis.name for servo in asked), str(err))
         else:
-            found = leave(port, line, b"", asked, watched)
+            found = leave(port, line, b"", asked, watched, marked)
             left = {name: why for name, why in left.items() if name in found} | found
         now = clock.now_ns()
         if not left or now + PAUSE_NS >= until:

@@ -86,6 +86,12 @@ def torque_fault(torque: int, error: int, errors: Errors) -> str:
     return "" if torque == 1 else f"torque enable(64) reads {torque} instead of 1: {AGAIN}"
 
 
+def marker_fault(data: bytes) -> str:
+    """Return what the LED in a servo's state means where it was switched on as a marker."""
+    led = data[reg.LED.address - TORQUE.address]
+    return "" if led == 1 else f"led(65) reads {led} instead of 1: {AGAIN}"
+
+
 def watchdog_fault(found: int, armed: int, silence: str = "") -> str:
     """Return what a bus watchdog other than `armed` means, as text; '' if it is armed."""
     if found == armed:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tautwave.contracts import AxisSpec, BusSpec
+from tautwave.device_settings import DeviceSetting, DeviceSettings
 from tautwave.errors import DeviceFault, DriverError
 from tautwave_drivers.mit import damiao
 from tautwave_drivers.mit.damiao import Feedback, Register
@@ -111,8 +112,9 @@ class Bringup:
         self._same(where, motor)
         scale = self._scale(where, motor)
         turned = self._turned(where, axis, motor, scale, said)
-        self._put(where, motor, damiao.CTRL_MODE, damiao.MIT_MODE)
-        watchdog_s, unwatched = self._watch(where, motor)
+        settings = self._settings(where, motor)
+        settings.keep(_setting(damiao.CTRL_MODE, damiao.MIT_MODE))
+        watchdog_s, unwatched = self._watch(where, motor, settings)
         identity = self._identity(where, motor)
         return Found(turned, identity, watchdog_s, unwatched)
 
@@ -198,26 +200,26 @@ class Bringup:
         shift = turns[0] * math.tau
         return scale._replace(zero=scale.zero - motor.direction * shift)
 
-    def _watch(self, where: str, motor: Motor) -> tuple[float | None, str]:
+    def _watch(
+        self, where: str, motor: Motor, settings: DeviceSettings
+    ) -> tuple[float | None, str]:
         """Set TIMEOUT and read it back; say what happens where that cannot be done."""
         counts = timeout_counts(self._options)
-        found = self._registers.set(motor.id, motor.feedback_id, damiao.TIMEOUT, counts)
+        found = settings.settle(_setting(damiao.TIMEOUT, counts)).after
         if found == counts:
             seconds = counts * damiao.TIMEOUT_S
             self._notes.append(
                 f"{where}: switches its torque off after {seconds:g} s without a frame "
-                f"({damiao.TIMEOUT} = {counts}, written and read back; kept until power off)"
+                f"({damiao.TIMEOUT} = {counts}, read back; kept until power off)"
             )
             return seconds, ""
         if not self._bus.allow_unwatched:
             raise DriverError(
-                f"{where}: {damiao.TIMEOUT} reads {found:.0f} after {counts} was written, so it "
+                f"{where}: {damiao.TIMEOUT} reads {found} after {counts} was written, so it "
                 "would keep its last torque if the host stops; update its firmware, or run with "
                 "--allow-unwatched"
             )
-        return None, (
-            f"(motor {motor.id}) keeps its last torque: {damiao.TIMEOUT} reads {found:.0f}"
-        )
+        return None, (f"(motor {motor.id}) keeps its last torque: {damiao.TIMEOUT} reads {found}")
 
     def _identity(self, where: str, motor: Motor) -> dict[str, str]:
         version = f"{self._need(motor, damiao.SOFTWARE):.0f}"
@@ -235,21 +237,19 @@ class Bringup:
             "rotor_inertia": f"{rotor:.4g}",
         }
 
-    def _put(self, where: str, motor: Motor, register: Register, value: float) -> None:
-        """Set a register unless it is so, and read it back.
+    def _settings(self, where: str, motor: Motor) -> DeviceSettings:
+        """Return the ledger of a motor; frames get lost, so a write is repeated until it shows."""
 
-        Apart from the ledger of settings: registers are numbers of both kinds, and a write is
-        repeated until it is read back, as frames get lost.
-        """
-        if self._need(motor, register) == value:
-            return
-        found = self._registers.set(motor.id, motor.feedback_id, register, value)
-        if found != value:
-            raise DriverError(
-                f"{where}: {register} reads {found:g} after {value:g} was written; update its "
-                "firmware, or set it in the maker's tool"
-            )
-        self._notes.append(f"{where}: {register} set to {value:g} (written and read back)")
+        def write(register: Register, value: int) -> None:
+            self._registers.set(motor.id, motor.feedback_id, register, value)
+
+        return DeviceSettings(
+            where,
+            lambda register: round(self._need(motor, register)),
+            write,
+            doubt="update its firmware, or set it in the maker's tool",
+            notes=self._notes,
+        )
 
     def _need(self, motor: Motor, register: Register) -> float:
         try:
@@ -259,3 +259,7 @@ class Bringup:
 
     def _where(self, axis: AxisSpec, motor: Motor) -> str:
         return f"bus {self._bus.name}: {axis.name} (motor {motor.id})"
+
+
+def _setting(register: Register, wanted: int) -> DeviceSetting:
+    return DeviceSetting(register, str(register), wanted)

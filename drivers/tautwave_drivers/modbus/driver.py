@@ -25,6 +25,7 @@ from tautwave_drivers.modbus.line.rtu import RtuLink
 from tautwave_drivers.modbus.line.tcp import TcpLink
 from tautwave_drivers.modbus.listening import changed_by_others, commanded
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices
+from tautwave_drivers.modbus.reading_back import ReadBack
 from tautwave_drivers.modbus.station import MISSING, Station
 
 RESPONSE_S = 0.1
@@ -80,6 +81,7 @@ class ModbusDriver(DriverBase):
         self.stations: list[Station] = []
         self._links: Links | None = None
         self._enabling: Enabling | None = None
+        self._read_back: ReadBack | None = None
         self.warnings: list[str] = []
         self.watchdog_s = {
             one.axis.name: one.profile.timeout_s(options.comm_timeout_s)
@@ -141,6 +143,7 @@ class ModbusDriver(DriverBase):
         links.gather()
         self._try_exchange(links)
         self._enabling = self._new_enabling(links)
+        self._read_back = ReadBack(links.groups, self._clock)
         self.unwatched = unwatched
 
     def attach(self) -> None:
@@ -276,6 +279,8 @@ class ModbusDriver(DriverBase):
             self._faults += links.faults
             links.faults.clear()
         states = [station.settle(now) for station in self.stations]
+        if self._read_back is not None and self._on:
+            self._read_back.read(deadline_ns)
         for station in self.stations:
             if station.faults:
                 self._faults += station.faults
@@ -330,7 +335,7 @@ class ModbusDriver(DriverBase):
             self.unconfirmed = leave_again(self._links, self._clock, self.unconfirmed)
 
     def _release(self) -> None:
-        self._enabling = None
+        self._enabling = self._read_back = None
         links, self._links = self._links, None
         if links is not None:
             links.close()

@@ -24,6 +24,12 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
     return measure(cycles)
 
 
+def _foreseen(options: ModbusOptions, bus: BusSpec) -> Sequence[str]:
+    from tautwave_drivers.modbus.reading_back import unseen_dips
+
+    return unseen_dips(options, bus)
+
+
 def _endpoint(options: ModbusOptions) -> Endpoint:
     used = dict.fromkeys(device.endpoint or options.endpoint for device in options.devices)
     named = [one for one in used if one != "sim"]
@@ -44,4 +50,5 @@ plugin = DriverPlugin(
     endpoint=_endpoint,
     files=(("devices", "*", "profile"),),
     survey=survey,
+    foreseen=_foreseen,
 )

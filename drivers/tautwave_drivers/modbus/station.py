@@ -143,6 +143,7 @@ class Station:
         self._checking = False
         self._heard_ns = 0
         self._doubtful: list[Step] = []
+        self._turn = -1
         self._staged: tuple[int, ...] = ()
         if self._unwrapper is not None:
             self._unwrapper.forget()
@@ -303,16 +304,33 @@ class Station:
         """Take a register that was read again; what differs has been forgotten."""
         if not responses or len(responses) < len(self.transaction.requests):
             return
-        step, pdu = self._doubtful[0], responses[-1]
+        pdu = responses[-1]
         if pdu[0] & frames.REFUSED:
             self._refuse(pdu)
             return
         self._refused = 0
+        self.checked(self._doubtful[0], pdu)
+        self._heard_ns = self._clock.now_ns()
+        del self._doubtful[0]
+
+    def next_check(self) -> Step | None:
+        """Return the next of what it may have forgotten unseen; None where it is not seen to be on.
+
+        One after the other, and from the first again.
+        """
+        steps = [step for step in (*self.arming, *self.checks) if step.wait]
+        if not steps or not self.on or self.failed or self._doubtful:
+            return None
+        self._turn = (self._turn + 1) % len(steps)
+        return steps[self._turn]
+
+    def checked(self, step: Step, pdu: bytes) -> None:
+        """Take what a register was read to hold; b'' and a refusal say nothing."""
+        if not pdu or pdu[0] & frames.REFUSED:
+            return
         found = self.codec.decode(step.register_name, pdu)
         if found & step.mask != step.value & step.mask:
             self.fail(forgot_text(step, found))
-        self._heard_ns = self._clock.now_ns()
-        del self._doubtful[0]
 
     def _watch(self, status: int, more: Sequence[bytes]) -> None:
         """Take the status and the additional responses."""

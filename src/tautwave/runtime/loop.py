@@ -13,13 +13,15 @@ from typing import NamedTuple, Protocol
 
 from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.controller.stops import CHECK_CABLE, StopPlace
-from tautwave.errors import BusTimeout, DriverError, SettingsDifferError, TautwaveError
+from tautwave.errors import BusTimeout, DeviceFault, DriverError, SettingsDifferError, TautwaveError
 from tautwave.runtime.control import Control
 from tautwave.runtime.sensing import LoopBus, Sensing, bus_commands, first_axes
 from tautwave.runtime.timing import Histogram
 from tautwave.types import SAFE_COMMAND, Fault
 
 ENABLE_TIMEOUT_S = 10.0
+MAX_LATER = 3
+"""Faults reported after the reason to end that its sentence names."""
 TIMING_COLUMNS = ("time_s", "lateness_us", "compute_us", "skipped_slots")
 
 
@@ -151,6 +153,7 @@ class Loop:
             error = err
         finally:
             self._leave()
+        self._sensing.take_last_faults()
         return LoopResult(
             cycles,
             missed,
@@ -164,12 +167,21 @@ class Loop:
         )
 
     def _reason(self) -> TautwaveError | None:
-        """Return the controller's reason to end; of an axis unseen, what its driver knows of it."""
+        """Return the controller's reason to end; of an axis unseen, what its driver knows of it.
+
+        A silent device often says only later why it was silent, while the others are stopped or
+        when it is switched off: then that ends the sentence.
+        """
         error, place = self._control.error(), self._control.place()
-        why = "" if place is None else self._sensing.misses.get(place.axis, "")
-        if isinstance(error, DriverError) and why:
-            return DriverError(f"{str(error).removesuffix(CHECK_CABLE)}: {why}")
-        return error
+        if not isinstance(error, DriverError) or place is None:
+            return error
+        sensing, text = self._sensing, str(error)
+        why = sensing.misses.get(place.axis, "")
+        later = list(dict.fromkeys(one.text for one in sensing.later_faults if one.fatal))
+        if why or later:
+            text = text.removesuffix(CHECK_CABLE)
+        text = "; then ".join([f"{text}: {why}" if why else text, *later[:MAX_LATER]])
+        return DeviceFault(text) if later else DriverError(text)
 
     def _open(self) -> None:
         """Open every bus, unless a stop is requested; settings that differ are those of all."""

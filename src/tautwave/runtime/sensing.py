@@ -11,6 +11,8 @@ sample.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
 from typing import NamedTuple
 
 from tautwave.contracts import Driver
@@ -65,6 +67,7 @@ class Sensing:
         self.lost = [0] * axes
         self.late = [0] * axes
         self.faults: list[Fault] = []
+        self._until_stop = 0
         self.misses: dict[str, str] = {}
         """What drivers say of axes without a sample, by axis."""
 
@@ -106,16 +109,26 @@ class Sensing:
                 if age_ns > stale_ns and which not in unusable:
                     self.late[which] += 1
 
+    def take_last_faults(self) -> None:
+        """Keep what was reported after the last cycle, by devices that were being switched off."""
+        for bus in self._buses:
+            with suppress(Exception):  # the run is over, whatever its driver does
+                self.faults += [_named(bus, fault) for fault in bus.driver.faults()]
+
+    @property
+    def later_faults(self) -> Sequence[Fault]:
+        """What was reported once the controller had its reason to stop."""
+        return self.faults[self._until_stop :]
+
     def _take_faults(self, bus: LoopBus, first: int, slot: int) -> None:
         """Keep the faults of a bus, and stop for one that is fatal."""
-        for fault in bus.driver.faults():
-            who = fault.axis or bus.name
-            named = fault.text.startswith((f"{who} ", f"{who}:"))
-            sentence = fault.text if named else f"{who}: {fault.text}"
-            self.faults.append(fault._replace(text=sentence))
+        for fault in map(partial(_named, bus), bus.driver.faults()):
+            self.faults.append(fault)
+            if not self._control.stopped:
+                self._until_stop = len(self.faults)
             which = first + bus.axes.index(fault.axis) if fault.axis in bus.axes else -1
-            if fault.fatal and self._control.fault(slot, which, sentence):
-                self.fault = DeviceFault(sentence)
+            if fault.fatal and self._control.fault(slot, which, fault.text):
+                self.fault = DeviceFault(fault.text)
 
     def _ask(self, number: int, bus: LoopBus, slot: int) -> None:
         """Begin an exchange on a slow bus, if this is the slot for it."""
@@ -130,3 +143,10 @@ class Sensing:
         if on_time and self._asked[number] < 0:
             bus.driver.request()
             self._asked[number] = exchange
+
+
+def _named(bus: LoopBus, fault: Fault) -> Fault:
+    """Return a fault whose text begins with its axis, or the bus."""
+    who = fault.axis or bus.name
+    named = fault.text.startswith((f"{who} ", f"{who}:"))
+    return fault if named else fault._replace(text=f"{who}: {fault.text}")

@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 from tautwave.errors import DeviceFault
-from tautwave.runtime.sensing import LoopBus
+
+if TYPE_CHECKING:
+    from tautwave.runtime.sensing import LoopBus
+
+
+class LeftDevices(Protocol):
+    """The devices of a bus after they were switched off: a driver, or what a summary has of it."""
+
+    @property
+    def watchdog_s(self) -> Mapping[str, float | None]:
+        """After what silence [s] each stops by itself."""
+
+    @property
+    def unconfirmed(self) -> Mapping[str, str]:
+        """Why it may still be enabled, by axis."""
 
 
 def warning(buses: Sequence[LoopBus], warn: Callable[[str], None]) -> Callable[[], None]:
@@ -26,12 +41,12 @@ def warning(buses: Sequence[LoopBus], warn: Callable[[str], None]) -> Callable[[
     return say
 
 
-def may_be_enabled(buses: Sequence[LoopBus]) -> str:
+def may_be_enabled(buses: Iterable[LeftDevices]) -> str:
     """Return a sentence about every device that did not confirm that it is off; '' if all did."""
     return "; ".join(
         f"{name} may still be enabled ({why}): {_own(bus, name)}"
         for bus in buses
-        for name, why in bus.driver.unconfirmed.items()
+        for name, why in bus.unconfirmed.items()
     )
 
 
@@ -43,14 +58,14 @@ def refuse_enabled(buses: Sequence[LoopBus], ended: BaseException | None) -> Non
     DeviceFault
         One did not confirm that it is off.
     """
-    sentence = may_be_enabled(buses)
+    sentence = may_be_enabled(bus.driver for bus in buses)
     if sentence:
-        raise DeviceFault(f"{sentence}; before that: {ended}" if ended else sentence) from ended
+        raise DeviceFault(f"{ended}; {sentence}" if ended else sentence) from ended
 
 
-def _own(bus: LoopBus, name: str) -> str:
+def _own(bus: LeftDevices, name: str) -> str:
     """Return what ends the torque of a device that is not reached."""
-    seconds = bus.driver.watchdog_s.get(name)
+    seconds = bus.watchdog_s.get(name)
     if seconds is None:
         return "nothing stops it by itself; cut its power"
     return f"its own time-out of {seconds:g} s should have stopped it; check, or cut its power"

@@ -88,16 +88,16 @@ def outcome_of(result: LoopResult, assembly: Assembly) -> tuple[Outcome, int]:
 
     `kind` and `sentence`; of one that was stopped also when (`at_s`), on which axis (None: on
     none) and the `reason` in a word, as `controller.stops` has them. A device that may still be
-    enabled comes first in the sentence, and its exit code before all others.
+    enabled ends the sentence, and its exit code goes before all others.
     """
     seconds = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
-    enabled = may_be_enabled(assembly.buses)
+    enabled = may_be_enabled(bus.driver for bus in assembly.buses)
     outcome, exit_code = _ended(result, assembly, seconds, "" if enabled else SAFELY)
     if not enabled:
         return outcome, exit_code
     axis = next(name for bus in assembly.buses for name in bus.driver.unconfirmed)
     stop = StopPlace(seconds, axis, "fault")._asdict()
-    sentence = f"{enabled}; before that: {outcome.sentence}"
+    sentence = f"{outcome.sentence}; {enabled}"
     said = outcome.model_dump(exclude_unset=True)
     update = {**stop, **said, "kind": "fault", "sentence": sentence}
     return Outcome.model_validate(update), DeviceFault.exit_code

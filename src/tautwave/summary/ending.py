@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from tautwave.runtime.unwatched import may_be_enabled
 from tautwave.summary.model import Summary
 
 
@@ -16,9 +17,17 @@ def outcome(summary: Summary, exit_code: int) -> tuple[str, str]:
 
 
 def last_line(name: str, summary: Summary, exit_code: int) -> str:
-    """Return why the exit code is not 0: what ended the run, what was not saved, or both."""
+    """Return why the exit code is not 0: what ended the run, what was not saved, or both.
+
+    What may still be enabled is a line of its own, the last one.
+    """
     word, sentence = outcome(summary, exit_code)
     incomplete = summary.incomplete or ""
+    enabled = may_be_enabled(summary.buses.values())
+    if enabled:
+        cause = sentence.removesuffix(enabled).removesuffix("; ")
+        lines = [*filter(None, (cause, incomplete)), *generated(summary), enabled]
+        return "\n".join(lines)
     if exit_code == 7:
         return f"{name}: {incomplete or word}"
     if exit_code == 3:

@@ -57,9 +57,10 @@ def rig(*registers: dict[int, tuple[int, int]], rate_hz: float = 1000.0, **more:
         clock, *(servo_line.Servo(one, each) for one, each in zip(ids, registers, strict=True))
     )
     configure = more.pop("configure", False)
+    unwatched = more.pop("allow_unwatched", False)
     given = more.pop("servos", [servo(one) for one in ids])
     axes = [spec(one["id"]) for one in given]
-    bus = bus_of(*axes, configure=configure)._replace(rate_hz=rate_hz)
+    bus = bus_of(*axes, configure=configure)._replace(rate_hz=rate_hz, allow_unwatched=unwatched)
     options = plugin.options.model_validate(block(*given, **more))
     return Rig(plugin.make(options, bus, clock, line), line, clock, round(1e9 / rate_hz))
 
@@ -208,6 +209,46 @@ def test_torque_comes_on_at_every_rate_although_orders_are_lost(rate_hz: float) 
     assert run_until_told(made, 20) == ""
     made.driver.close()
     assert_safe(made)
+
+
+@pytest.mark.parametrize("led", [True, False])
+def test_a_servo_without_a_watchdog_that_restarts_before_torque_is_told(led: bool) -> None:
+    """At each instruction from the marker on: torque that is off says nothing then."""
+
+    def made(at: int) -> tuple[Rig, servo_line.Servo]:
+        made = rig({6: (1, 37)}, rate_hz=200.0, allow_unwatched=True)
+        victim = made.line.servos[0]
+        if not led:  # as the XW models
+            victim.read = without_led(victim.read)  # type: ignore[method-assign]
+
+        def strike(count: int) -> None:
+            if count == at:
+                victim.cut_power(made.clock.now_ns(), 0)
+
+        made.line.on_instruction = strike
+        return made, victim
+
+    whole, victim = made(-1)
+    whole.driver.open()
+    opened = whole.line.instructions
+    assert victim.get(servo_line.LED, 1) == led
+    whole.driver.close()
+    told = []
+    for number in range(opened - 8, opened + 5):
+        each, victim = made(number)
+        told.append(whole_run(each, 3))
+        assert each.line.instructions > number
+        assert not victim.get(servo_line.TORQUE, 1)
+        assert not victim.get(servo_line.LED, 1)
+    assert all(told) is led, told
+    assert (
+        any("led(65) reads 0 instead of 1: it was switched off and on" in one for one in told)
+        is led
+    )
+
+
+def without_led(read: Callable[[int, int], bytes]) -> Callable[[int, int], bytes]:
+    return lambda address, size: b"" if address == servo_line.LED else read(address, size)
 
 
 @pytest.mark.parametrize("rate_hz", [1000.0, pytest.param(100.0, marks=pytest.mark.slow), 20.0])

@@ -28,8 +28,8 @@ def test_all_is_set_and_read_back_and_nothing_is_saved() -> None:
     assert rig.driver.identities["master.a1"]["firmware"] == "5013.2"
     assert rig.driver.identities["master.a1"]["gear_ratio"] == "10"
     notes = " ".join(rig.driver.notes)
-    assert "TIMEOUT(9) = 1000, written and read back" in notes
-    assert "CTRL_MODE(10) set to 1" in notes
+    assert "TIMEOUT(9) = 1000, read back" in notes
+    assert "CTRL_MODE(10) 2 -> 1 written and read back" in notes
 
 
 @pytest.mark.parametrize(

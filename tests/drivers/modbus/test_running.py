@@ -77,7 +77,7 @@ def test_noise_before_an_answer_costs_nothing_on_a_serial_line() -> None:
 
 def test_a_late_answer_is_not_taken_for_the_next() -> None:
     """RTU answers have no number: the one of cycle k comes when that of k + 1 is due."""
-    late = {"kind": "answer_late", "nth": 60, "times": 1}
+    late = {"kind": "answer_late", "nth": 62, "times": 1}
     period_s = 0.02
     made = bench(
         spec(1),

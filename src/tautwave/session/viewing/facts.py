@@ -46,11 +46,13 @@ def facts_of(
 
 def tell_end(assembly: Assembly, recorder: Recorder, result: LoopResult) -> None:
     """Let viewers read why a run ended, if not as it was meant to."""
-    ended = may_be_enabled(assembly.buses) or str(result.error or "")
+    enabled = may_be_enabled(bus.driver for bus in assembly.buses)[:MAX_TEXT]
+    cause = str(result.error or "")[: max(0, MAX_TEXT - len(enabled) - 2)]
+    ended = "; ".join(filter(None, (cause, enabled)))
     if not ended:
         return
     at_s = (result.cycles + result.missed_cycles) * assembly.control.run.period_ns * 1e-9
-    entry = Entry(round(at_s, 9), "fault", "run", "ended", ended[:MAX_TEXT])
+    entry = Entry(round(at_s, 9), "fault", "run", "ended", ended)
     if isinstance(assembly.control, Journalled):
         assembly.control.journal.note(entry)
     else:
