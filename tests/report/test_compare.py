@@ -68,3 +68,26 @@ def test_without_recordings_the_summaries_are_compared(tmp_path, reported):
     page = Page(compare_reports(tmp_path / "a", tmp_path / "b", tmp_path))
     assert page.figures == 0
     assert math.isclose(page.text.count("There are no figures"), 2)
+
+
+@pytest.mark.slow
+def test_what_the_operator_feels_stands_side_by_side(tmp_path):
+    """Of real rigs: the figures are simulated from the rig that a run keeps."""
+    from tautwave.certificate.haptics.feel import rig_feel
+    from tautwave.config import load_rig, resolved_yaml
+    from tests.rigs.row_hashes import ROOT
+
+    felt = []
+    for name, delay in (("a", 0.0), ("b", 0.02)):
+        make_run(tmp_path / name, pairs=("lever",), rows=300)
+        rig = load_rig(ROOT / "configs" / "bench-1dof-loopback.yaml", [f"coupling.delay_s={delay}"])
+        (tmp_path / name / "rig.yaml").write_text(resolved_yaml(rig))
+        (tmp_path / name / "recording.mcap").unlink()
+        felt.append(rig_feel(rig)[0][0])
+    text = Page(compare_reports(tmp_path / "a", tmp_path / "b", tmp_path)).text
+    shown = text.split("What the operator feels of the rig")[1].split("Energy of each")[0]
+    assert "felt stiffness of 250 N m/rad" in shown
+    for one in felt:
+        assert quantity(one.stiffness, "N m/rad") in shown
+        assert quantity(one.drag, "N m") in shown
+    assert felt[0].stiffness > 2.0 * felt[1].stiffness

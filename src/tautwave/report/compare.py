@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,7 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
     for pair in shared:
         yield Markup("<h2>Pair {}</h2>").format(pair)
         yield table(_table(runs, labels, "Tracking", _tracking(runs[0], pair), RESOLVED))
+        yield table(_feel(runs, labels, pair))
         yield from _pictures(runs, labels, pair, folder)
         yield table(_table(runs, labels, "Energy of each element", _energies(runs, pair), noise))
     for run, label in zip(runs, labels, strict=True):
@@ -214,13 +216,43 @@ def _table(
     lines: list[Line],
     noise: float = 0.0,
 ) -> Table:
-    """Table of two runs; values within `noise` (in SI) in both get no ratio."""
+    """Table of two summaries; values within `noise` (in SI) in both get no ratio."""
+    given = [
+        (name, show, tuple(block(run.summary, *keys[:-1]).get(keys[-1]) for run in runs))
+        for name, show, keys in lines
+        if keys[-1] not in BOOKED
+        or any(number(block(run.summary, *keys[:-1]).get(keys[-1])) for run in runs)
+    ]
+    return _side_by_side(labels, title, given, noise)
+
+
+BOOKED = ("absorbed", "stored", "dissipated")
+"""Energies that are left out where both runs have none."""
+
+
+def _feel(runs: tuple[Run, Run], labels: tuple[str, str], pair: str) -> Table:
+    """Table of what the operator feels of both rigs."""
+    from tautwave.report.feel import feel_of, feel_values  # simulates
+
+    both = [feel_values(feel_of(run), pair) for run in runs]
+    given = []
+    for what in dict.fromkeys([*both[0], *both[1]]):
+        values = tuple(one.get(what, (None, ""))[0] for one in both)
+        unit = next(one[what][1] for one in both if what in one)
+        given.append((what, partial(quantity, unit=unit), values))
+    return _side_by_side(labels, "What the operator feels of the rig", given)
+
+
+def _side_by_side(
+    labels: tuple[str, str],
+    title: str,
+    given: Sequence[tuple[str, Show, tuple[Any, ...]]],
+    noise: float = 0.0,
+) -> Table:
+    """Table of two values a line; those within `noise` (in SI) in both get no ratio."""
     rows = []
-    for name, show, keys in lines:
-        values = [block(run.summary, *keys[:-1]).get(keys[-1]) for run in runs]
+    for name, show, values in given:
         first, second = number(values[0]), number(values[1])
-        if not first and not second and keys[-1] in ("absorbed", "stored", "dissipated"):
-            continue
         if first is None and second is None:
             continue
         if first is None or second is None:

@@ -1,4 +1,4 @@
-"""Haptic performance of a rig: stiffest walls, felt impedance, limit cycles of walls that fail."""
+"""Haptic performance of a rig: stiffest walls, what is felt, limit cycles of walls that fail."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 from tautwave.certificate.belief import declared_delays
 from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.haptics.cycles import WallCycle, wall_cycles
+from tautwave.certificate.haptics.feel import Feel, rig_feel
 from tautwave.certificate.haptics.transparency import Felt, pair_felt
 from tautwave.certificate.haptics.width import AxisWidth, axis_width
 from tautwave.config import Rig
 
-__all__ = ["AxisWidth", "Felt", "Haptics", "WallCycle", "haptics"]
+__all__ = ["AxisWidth", "Feel", "Felt", "Haptics", "WallCycle", "haptics"]
 
 
 class Haptics(NamedTuple):
@@ -22,6 +23,7 @@ class Haptics(NamedTuple):
 
     widths: tuple[AxisWidth, ...]
     felt: tuple[Felt, ...]
+    feel: tuple[Feel, ...]
     cycles: tuple[WallCycle, ...]
     silent: tuple[str, ...]
 
@@ -30,15 +32,17 @@ class Haptics(NamedTuple):
         return {
             "z_width": {one.axis: one.as_dict() for one in self.widths},
             "transparency": {one.pair: one.as_dict() for one in self.felt},
+            "feel": {one.pair: one.as_dict() for one in self.feel},
             "limit_cycles": {one.name: one.as_dict() for one in self.cycles},
             "silent": list(self.silent),
         }
 
     def sentences(self) -> list[tuple[str, list[str]]]:
         """Return headings with the sentences under each."""
+        told = [line for one in self.feel for line in one.sentences()]
         headed = [
             ("Stiffest wall", [one.sentence() for one in self.widths]),
-            ("Felt by the hand", [line for one in self.felt for line in one.sentences()]),
+            ("Felt by the hand", [*told, *(line for one in self.felt for line in one.sentences())]),
             ("Limit cycles", [line for one in self.cycles for line in one.sentences()]),
             ("Not said", list(self.silent)),
         ]
@@ -46,12 +50,13 @@ class Haptics(NamedTuple):
 
 
 def haptics(rig: Rig) -> Haptics:
-    """Return the haptic performance of a rig from its believed parameters; takes a second or two.
+    """Return the haptic performance of a rig; takes a second or two.
 
-    Walls are as run: derated where the rig allows it.
+    All but `feel`, which is simulated, is from its believed parameters. Walls are as run: derated
+    where the rig allows it.
     """
     if rig.scene is not None:
-        return Haptics((), (), (), ("the hand touches a scene; see its certificate",))
+        return Haptics((), (), (), (), ("the hand touches a scene; see its certificate",))
     delays = declared_delays(rig)
     rig, _ = derate_walls(rig, delays, {})
     widths = tuple(
@@ -71,4 +76,5 @@ def haptics(rig: Rig) -> Haptics:
             silent.append(found)
         else:
             felt.append(found)
-    return Haptics(widths, tuple(felt), wall_cycles(rig, delays), tuple(silent))
+    feel, unfelt = rig_feel(rig)
+    return Haptics(widths, tuple(felt), feel, wall_cycles(rig, delays), (*silent, *unfelt))

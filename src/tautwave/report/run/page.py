@@ -199,6 +199,11 @@ def _certificate(run: Run) -> Iterator[Part]:
     yield Markup('<h2 id="certificate">Certificate</h2>')
     made = certificate_picture(run)
     yield made if isinstance(made, Picture) else Markup('<p class="note">{}</p>').format(made)
+    from tautwave.report.feel import feel_of, feel_table  # simulates
+
+    felt = feel_of(run)
+    if felt:
+        yield table(feel_table(felt), "text")
 
 
 def _timing(run: Run) -> Iterator[Part]:
