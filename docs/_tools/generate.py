@@ -6,6 +6,7 @@ from pathlib import Path
 
 from _tools.columns import columns_page
 from _tools.commands import commands_page, exit_codes_page
+from _tools.cycle import cycle_page
 from _tools.floors import floors_svg
 from _tools.keys import keys_page
 from _tools.stops import stops_page
@@ -20,6 +21,7 @@ def write_pages(folder: Path) -> None:
         "commands.md": commands_page,
         "columns.md": columns_page,
         "exit-codes.md": exit_codes_page,
+        "cycle.md": cycle_page,
         "stops.md": stops_page,
         "summary.md": summary_page,
         "floors.svg": floors_svg,

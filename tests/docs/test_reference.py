@@ -194,3 +194,25 @@ def _foreign(out: Path) -> list[str]:
     assert len(pages) > 50
     found = {path: loads.search(path.read_text(encoding="utf-8")) for path in pages}
     return [f"{path.relative_to(out)}: {one[0]}" for path, one in found.items() if one]
+
+
+def test_the_calls_of_a_cycle_are_those_of_its_phases_in_order() -> None:
+    from _tools.cycle import traced, walked
+
+    calls = [one for _, one in walked(traced())]
+    assert all(one.meaning for one in calls), "a function without a docstring"
+    modules = [one.module for one in calls]
+    names = [one.name.rpartition(".")[2] for one in calls]
+    phases = ["sense", "pass_slot", "close_axis", "exchange", "decide_axis", "write", "fill"]
+    assert [names.index(phase) for phase in phases] == sorted(map(names.index, phases))
+    assert {"tautwave.laws.port", "tautwave.laws.limit", "tautwave.laws.wall"} <= set(modules)
+    assert {one.times for one in calls if one.name == "close_axis"} <= {1, 2}
+
+
+def test_calls_in_a_row_are_counted_alone_and_in_groups() -> None:
+    from _tools.cycle import Call, _folded
+
+    one, two = Call("m", "one", "", ()), Call("m", "two", "", ())
+    assert _folded([one, one, two]) == (one._replace(times=2), two)
+    assert _folded([one, two, one, two]) == (one._replace(times=2), two._replace(times=2))
+    assert _folded([one, two, one]) == (one, two, one)
