@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         Simulator,
         SimulatorPlugin,
     )
-    from tautwave.controller.records import AxisParams, AxisState, PairParams
+    from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
     from tautwave.controller.seen import seen_law
     from tautwave.controller.steps import OWN_GUARDS, Guard, Law, Steps
     from tautwave.device_settings import (
@@ -81,7 +81,7 @@ _MODULES = {
         "CouplingPlugin", "CycleCost", "Driver", "DriverPlugin", "Endpoint", "FramePort",
         "InMemory", "Row", "RowSource", "ScanProgress", "Simulator", "SimulatorPlugin",
     ),
-    "controller.records": ("AxisParams", "AxisState", "PairParams"),
+    "controller.records": ("AxisParams", "AxisState", "PairParams", "PairView"),
     "controller.seen": ("seen_law",),
     "controller.steps": ("OWN_GUARDS", "Guard", "Law", "Steps"),
     "device_settings": (
@@ -153,6 +153,7 @@ __all__ = [
     "MonotonicClock",
     "Pair",
     "PairParams",
+    "PairView",
     "Rig",
     "Row",
     "RowSource",

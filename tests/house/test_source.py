@@ -96,6 +96,43 @@ def test_a_planted_long_module_is_noticed() -> None:
     assert not excess_lines("pass\n" * MAX_MODULE)
 
 
+MOST_ARGUMENTS = 8
+FULL_OF_FLOATS = {
+    "port_close": "a law of the cycle: plain floats, by name",
+    "_step_control": "an entry from C: the address of each array",
+    "_step_devices": "an entry from C: the address of each array",
+}
+
+
+def crowded(source: str) -> list[str]:
+    """Functions with more arguments than a caller keeps in order; options by name do not count."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef):
+            given = node.args
+            named = zip(given.kwonlyargs, given.kw_defaults, strict=True)
+            required = [one for one, default in named if default is None]
+            all_of = [*given.posonlyargs, *given.args, *required]
+            own = [one for one in all_of if one.arg not in ("self", "cls")]
+            if len(own) > MOST_ARGUMENTS:
+                found.append(node.name)
+    return found
+
+
+def test_functions_of_the_cycle_take_few_arguments() -> None:
+    rooms = ("controller", "couplings", "simulation", "laws")
+    paths = sorted(p for room in rooms for p in (ROOT / "src/tautwave" / room).rglob("*.py"))
+    found = {name for names in found_in(paths, crowded).values() for name in names}
+    assert found == set(FULL_OF_FLOATS)
+
+
+def test_a_planted_crowd_of_arguments_is_noticed() -> None:
+    eight = "a, b, c, d, e, f, g, h"
+    assert crowded(f"def exchange({eight}, i): pass") == ["exchange"]
+    assert crowded(f"def exchange({eight}, *, i): pass") == ["exchange"]
+    assert not crowded(f"class Pair:\n    def exchange(self, {eight}, *, i=0): pass")
+
+
 def test_nothing_but_the_version_is_taken_from_the_public_face() -> None:
     """`from tautwave import run` inside the package would be an import upwards that nobody sees."""
     modules = {path.stem for path in (ROOT / "src/tautwave").iterdir()}

@@ -59,7 +59,7 @@ def test_held_devices_are_where_they_were_put() -> None:
     held = with_positions(job, given)
     assert [device.kind for device in held.devices] == [HELD, HELD]
     tables = object_tables(held)
-    rows = simulation_of_run(held, tables, run_rig(*tables, held.law.steps))
+    rows = simulation_of_run(held, tables, run_rig(tables, held.law.steps))
     for axis, positions in given.items():
         assert rows[f"{axis}.position"] == pytest.approx(positions[:400], abs=1e-15)
     assert np.abs(rows["slave.lever.commanded"]).max() > 0.0

@@ -338,12 +338,12 @@ def test_an_end_stops_beyond_its_debt_and_where_its_funds_are_no_number(
 
 
 def test_a_slot_that_nobody_saw_sends_no_credit() -> None:
-    control, s, p = ready(held())
-    [c], [q] = control.states, control.pairs
-    one, p1 = control.axes[0], control.params[0]
+    control, _, _ = ready(held())
+    [pair] = control.view.views
+    one, p1 = pair.one, pair.p1
     one.end.account.funds = p1.end.account.full
     for here in (False, True):
-        steps.exchange(c, q, one, s, p1, p, control.table, here, True, True)
+        steps.exchange(pair, here, True, True)
         assert (one.end.account.sent > 0.0) == here
 
 
@@ -384,8 +384,8 @@ def test_nothing_of_a_session_before_is_left_at_the_start_of_the_next() -> None:
     hands, _ = hunt(held(0.05), 0, 200)
     control, new = hands.control, Hands(held(0.05)).control
     for it in (control, new):
-        [c], [q], (one, two), (p1, p2) = it.states, it.pairs, it.axes, it.params
-        it.law.steps.start(c, q, one, two, p1, p2, 0.0, it.table)
+        [pair] = it.view.views
+        it.law.steps.start(pair, 0.0)
     assert [s.end.account for s in control.axes] == [s.end.account for s in new.axes]
     assert control.states[0].link.account == new.states[0].link.account
     ring = control.pairs[0].line + control.law.rings * 3 - 4 * 3

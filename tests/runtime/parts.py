@@ -29,6 +29,7 @@ from tautwave.controller.records import (
     AxisParams,
     AxisState,
     PairParams,
+    PairView,
     RunParams,
     Sample,
 )
@@ -203,29 +204,30 @@ class Pair:
         self.weight = q.weight
         self.slot = 0
 
-    def _all(self) -> tuple[Any, ...]:
+    def _view(self) -> PairView:
         one, two = self.master, self.slave
-        return (self.c, self.q, one.state, two.state, one.params, two.params)
+        states, params = (one.state, two.state), (one.params, two.params)
+        return PairView(self.c, self.q, *states, *params, self.control.table)
 
     def start(self, master: Sample, slave: Sample) -> None:
-        start_pair(*self._all(), master, slave, self.control.table, self.control.law.steps)
+        start_pair(self._view(), master, slave, self.control.law.steps)
 
     def engage(self, ramp: float) -> None:
-        engage_pair(*self._all(), self.control.table, ramp, self.control.law.steps)
+        engage_pair(self._view(), ramp, self.control.law.steps)
 
     def cycle(self, master: Sample, slave: Sample, skipped: int, ramp: float) -> None:
         self.slot += 1 + skipped
         rest = self.slot, skipped, ramp, self.control.law.steps
-        cycle_pair(*self._all(), master, slave, self.control.table, *rest)
+        cycle_pair(self._view(), master, slave, *rest)
 
     def arm(self, share: float) -> bool:
         return all(is_calm(axis.state, axis.params, share) for axis in (self.master, self.slave))
 
     def position_error(self) -> float:
-        return position_error(self.c, self.q, self.master.state, self.slave.state)
+        return position_error(self._view())
 
     def effort_error(self) -> float:
-        return effort_error(self.q, self.master.state, self.slave.state)
+        return effort_error(self._view())
 
     def elements(self) -> dict[str, tuple[float, float, float]]:
         """Return absorbed, stored and dissipated energy of every element, from their columns."""

@@ -13,7 +13,7 @@ from tautwave.analysis.ports.multirate import common_slots
 from tautwave.analysis.ports.sampled_loop import Matrix, close_loop
 from tautwave.config import Rig, load_rig
 from tautwave.controller import run
-from tautwave.controller.records import AxisState
+from tautwave.controller.records import PairView
 from tautwave.errors import ConfigError
 from tautwave.rig import build_rig, end_constants, line_delay
 from tautwave.runtime.loop import Loop
@@ -120,10 +120,10 @@ def test_matrix_moves_as_the_loop_does(
     assembly = build_rig(rig, clock="fake", duration_s=1.0)
     start = run.start_pair
 
-    def rich(c: Any, q: Any, one: AxisState, two: AxisState, *others: Any) -> None:
-        start(c, q, one, two, *others)  # the linear regime: an account that never limits
-        if hasattr(one.end, "account"):
-            one.end.account = two.end.account = 1e3
+    def rich(pair: PairView, *others: Any) -> None:
+        start(pair, *others)  # the linear regime: an account that never limits
+        if hasattr(pair.one.end, "account"):
+            pair.one.end.account = pair.two.end.account = 1e3
 
     monkeypatch.setattr(run, "start_pair", rich)
     rows: list[float] = []

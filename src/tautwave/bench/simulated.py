@@ -64,7 +64,7 @@ def run_work(kernel: Kernel, tables: Any) -> Work:
             for name, values in fresh.items():
                 getattr(tables, name)[:] = values
             began = time.thread_time_ns()
-            kernel(*tables)
+            kernel(tables)
             spent += time.thread_time_ns() - began
         return spent * 1e-9
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, PairView
 from tautwave.controller.steps import Law
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.site import SiteParams
@@ -41,14 +41,14 @@ def sample_gain(
     efforts = []
     for sample in (0.0, off):
         one, two = AxisState(end=law.end()), AxisState(end=law.end())
-        c = PairState(link=law.link())
-        law.steps.start(c, q, one, two, p, p, 0.0, [])
-        law.steps.engage(c, q, one, two, p, p, [])
+        pair = PairView(PairState(link=law.link()), q, one, two, p, p, [])
+        law.steps.start(pair, 0.0)
+        law.steps.engage(pair)
         one.position = sample
         one.velocity = 0.0 if still else track_velocity(gain, 0.0, sample, period)
         one.count = two.count = 1
         law.steps.close(one, p, sample, 1.0, period, 0.0)
         law.steps.close(two, p, 0.0, 1.0, period, 0.0)
-        law.steps.exchange(c, q, one, two, p, p, [], True, True, True)
+        law.steps.exchange(pair, True, True, True)
         efforts.append(law.steps.think(one, p, one.velocity))
     return (efforts[1] - efforts[0]) / off

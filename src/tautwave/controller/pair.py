@@ -16,8 +16,27 @@ from tautwave.controller.axis import (
     start_axis,
     take_sample,
 )
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, Sample
+from tautwave.controller.records import (
+    AxisParams,
+    AxisState,
+    PairParams,
+    PairView,
+    RunView,
+    Sample,
+)
 from tautwave.controller.steps import Steps
+
+
+def pair_at(x: RunView, k: int) -> PairView:
+    """Return a pair by its number; compiled code has `make_pair` in its place."""
+    return x.views[k]
+
+
+def make_pair(x: RunView, k: int) -> PairView:
+    """Return the view of a pair, of what it is made of."""
+    q = x.pairs[k]
+    one, two = q.master, q.slave
+    return PairView(x.states[k], q, x.axes[one], x.axes[two], x.params[one], x.params[two], x.table)
 
 
 def mismatch(q: PairParams, master_position: float, slave_position: float, offset: float) -> float:
@@ -26,19 +45,9 @@ def mismatch(q: PairParams, master_position: float, slave_position: float, offse
     return slave_position - target
 
 
-def start_pair(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    master: Sample,
-    slave: Sample,
-    table: MutableSequence[float],
-    steps: Steps,
-) -> None:
+def start_pair(pair: PairView, master: Sample, slave: Sample, steps: Steps) -> None:
     """Engage at the measured positions."""
+    c, q, one, two, p1, p2 = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2
     gap = 0.0
     if q.at_engage:
         c.offset = mismatch(q, master.position, slave.position, 0.0)
@@ -47,22 +56,13 @@ def start_pair(
         gap = mismatch(q, master.position, slave.position, q.offset)
     start_axis(one, p1, master.position, master.effort)
     start_axis(two, p2, slave.position, slave.effort)
-    steps.start(c, q, one, two, p1, p2, gap, table)
+    steps.start(pair, gap)
 
 
-def engage_pair(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    ramp: float,
-    steps: Steps,
-) -> None:
+def engage_pair(pair: PairView, ramp: float, steps: Steps) -> None:
     """Think for the first time, with nothing on its way; a slow side thinks when served next."""
-    steps.engage(c, q, one, two, p1, p2, table)
+    one, two, p1, p2, table = pair.one, pair.two, pair.p1, pair.p2, pair.table
+    steps.engage(pair)
     if p1.divisor == 1:
         decide_axis(one, p1, table, True, ramp, steps)
     if p2.divisor == 1:
@@ -88,15 +88,9 @@ def pass_side(
 
 
 def cycle_pair(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
+    pair: PairView,
     master: Sample,
     slave: Sample,
-    table: MutableSequence[float],
     slot: int,
     skipped: int,
     ramp: float,
@@ -109,6 +103,7 @@ def cycle_pair(
     int
         Codes of the guards of both sides, added; each stands in its axis' `guard`.
     """
+    q, one, two, p1, p2, table = pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     due_master = True
     due_slave = True
     if q.rated:
@@ -119,17 +114,17 @@ def cycle_pair(
             due_slave = is_due(p2, at)
             pass_side(one, p1, master, table, due_master, seen, steps)
             pass_side(two, p2, slave, table, due_slave, seen, steps)
-            steps.exchange(c, q, one, two, p1, p2, table, seen, due_master, due_slave)
+            steps.exchange(pair, seen, due_master, due_slave)
     else:
         pass_slot(one, p1, table, steps)
         pass_slot(two, p2, table, steps)
         for _ in range(skipped):
-            steps.exchange(c, q, one, two, p1, p2, table, False, True, True)
+            steps.exchange(pair, False, True, True)
             pass_slot(one, p1, table, steps)
             pass_slot(two, p2, table, steps)
         take_sample(one, p1, master, steps)
         take_sample(two, p2, slave, steps)
-        steps.exchange(c, q, one, two, p1, p2, table, True, True, True)
+        steps.exchange(pair, True, True, True)
     one.guard = 0
     two.guard = 0
     if due_master:
@@ -139,11 +134,13 @@ def cycle_pair(
     return one.guard + two.guard
 
 
-def position_error(c: PairState, q: PairParams, one: AxisState, two: AxisState) -> float:
+def position_error(pair: PairView) -> float:
     """Return master position less the slave's in master units [rad or m]."""
-    return one.position - q.to_master * (two.position - c.offset)
+    q = pair.q
+    return pair.one.position - q.to_master * (pair.two.position - pair.c.offset)
 
 
-def effort_error(q: PairParams, one: AxisState, two: AxisState) -> float:
+def effort_error(pair: PairView) -> float:
     """Return the sum of both ports' efforts in master units [N m or N]; 0 in equilibrium."""
-    return one.port_effort + q.sign * two.port_effort / q.force_scale
+    q = pair.q
+    return pair.one.port_effort + q.sign * pair.two.port_effort / q.force_scale

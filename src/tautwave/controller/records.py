@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -231,3 +232,35 @@ class PairState:
 
     offset: float = 0.0
     link: Any = None
+
+
+class PairView(NamedTuple):
+    """A pair as its steps see it: states and constants of all that belongs to it.
+
+    `c` and `q` are state and constants of the pair, `one` and `p1` of the master's axis, `two` and
+    `p2` of the slave's; `table` holds the commands on their way and the delay line.
+    """
+
+    c: PairState
+    q: PairParams
+    one: AxisState
+    two: AxisState
+    p1: AxisParams
+    p2: AxisParams
+    table: MutableSequence[float]
+
+
+class RunView(NamedTuple):
+    """All axes and pairs of a run, in the order of the buses and of the rig file.
+
+    `views` are those of the pairs, made once; compiled code makes them where it uses them
+    (`controller.pair.pair_at`), and has none here.
+    """
+
+    params: Sequence[AxisParams]
+    axes: Sequence[AxisState]
+    samples: Sequence[Sample]
+    pairs: Sequence[PairParams]
+    states: Sequence[PairState]
+    table: MutableSequence[float]
+    views: Sequence[PairView] = ()

@@ -8,12 +8,10 @@ times displacement measured): the sum over axes has to be the sum over elements.
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
-
 from tautwave.contracts import Row
 from tautwave.controller.axis import stored_in_wall
 from tautwave.controller.pair import effort_error, position_error
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.steps import Law, Steps
 
 
@@ -112,24 +110,14 @@ def fill_inertia(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return fill_element(out, at, p.weight * e.work, p.weight * stored, p.weight * lost)
 
 
-def fill_pair(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    steps: Steps,
-) -> int:
+def fill_pair(out: Row, at: int, pair: PairView, steps: Steps) -> int:
     """Write all columns of a pair at index `at`; return the next index."""
+    one, two, p1, p2 = pair.one, pair.two, pair.p1, pair.p2
     at = fill_axis(out, at, one, p1, p1.weight, steps)
     at = fill_axis(out, at, two, p2, p2.weight, steps)
-    out[at] = position_error(c, q, one, two)
-    out[at + 1] = effort_error(q, one, two)
-    at = steps.fill_elements(out, at + 2, c, q, one, two, p1, p2, table)
+    out[at] = position_error(pair)
+    out[at + 1] = effort_error(pair)
+    at = steps.fill_elements(out, at + 2, pair)
     at = fill_wall(out, at, one, p1)
     at = fill_wall(out, at, two, p2)
     at = fill_compensation(out, at, one, p1)

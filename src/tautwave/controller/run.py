@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Sequence
 
 from tautwave.controller.axis import is_balanced, is_calm, start_axis
-from tautwave.controller.pair import cycle_pair, engage_pair, mismatch, start_pair
+from tautwave.controller.pair import cycle_pair, engage_pair, mismatch, pair_at, start_pair
 from tautwave.controller.records import (
     BROKEN,
     FINISHED,
@@ -17,10 +17,9 @@ from tautwave.controller.records import (
     UNBALANCED,
     AxisParams,
     AxisState,
-    PairParams,
-    PairState,
     RunParams,
     RunState,
+    RunView,
     Sample,
 )
 from tautwave.controller.steps import Steps
@@ -130,18 +129,7 @@ def check_sample(
         begin_stop(r, o, axes, slot, MISSING, which, s.missing)
 
 
-def start_pairs(
-    r: RunParams,
-    o: RunState,
-    params: Sequence[AxisParams],
-    axes: Sequence[AxisState],
-    samples: Sequence[Sample],
-    pairs: Sequence[PairParams],
-    states: Sequence[PairState],
-    table: MutableSequence[float],
-    slot: int,
-    steps: Steps,
-) -> bool:
+def start_pairs(r: RunParams, o: RunState, x: RunView, slot: int, steps: Steps) -> bool:
     """Start the pairs at the measured positions; return whether all their efforts are small there.
 
     A pair that starts too far from its offset ends the run: `MISMATCH`. An effort sensor that shows
@@ -150,9 +138,10 @@ def start_pairs(
     armed = True
     o.code = 0
     for k in range(r.pairs):
-        q = pairs[k]
-        master = samples[q.master]
-        slave = samples[q.slave]
+        pair = pair_at(x, k)
+        q = pair.q
+        master = x.samples[q.master]
+        slave = x.samples[q.slave]
         if not (master.valid and slave.valid):
             armed = False
             continue
@@ -164,18 +153,15 @@ def start_pairs(
                 o.which = k
                 o.first = gap
                 return False
-        one = axes[q.master]
-        two = axes[q.slave]
-        p1 = params[q.master]
-        p2 = params[q.slave]
-        start_pair(states[k], q, one, two, p1, p2, master, slave, table, steps)
-        armed = is_calm(one, p1, r.arm_share) and is_calm(two, p2, r.arm_share) and armed
+        start_pair(pair, master, slave, steps)
+        armed = is_calm(pair.one, pair.p1, r.arm_share) and armed
+        armed = is_calm(pair.two, pair.p2, r.arm_share) and armed
         for which in (q.master, q.slave):
-            if not is_balanced(axes[which], params[which]):
+            if not is_balanced(x.axes[which], x.params[which]):
                 armed = False
                 o.code = UNBALANCED
                 o.which = which
-                o.found = axes[which].outside
+                o.found = x.axes[which].outside
     return armed
 
 
@@ -205,19 +191,7 @@ def stop_on_guard(
         o.allowed = s.allowed
 
 
-def run_cycle(
-    r: RunParams,
-    o: RunState,
-    params: Sequence[AxisParams],
-    axes: Sequence[AxisState],
-    samples: Sequence[Sample],
-    pairs: Sequence[PairParams],
-    states: Sequence[PairState],
-    table: MutableSequence[float],
-    slot: int,
-    skipped: int,
-    steps: Steps,
-) -> bool:
+def run_cycle(r: RunParams, o: RunState, x: RunView, slot: int, skipped: int, steps: Steps) -> bool:
     """Close, exchange and think on every pair, or engage; return False if the run must not begin.
 
     `skipped` slots went by unseen before this one.
@@ -225,41 +199,26 @@ def run_cycle(
     if o.armed_at < 0:
         if o.kind != FINISHED:
             return True  # a stop has begun: nothing engages any more
-        armed = start_pairs(r, o, params, axes, samples, pairs, states, table, slot, steps)
+        armed = start_pairs(r, o, x, slot, steps)
         if not arm(r, o, slot, armed):
             return False
         if o.armed_at < 0:
             return True
         rise = ramp_share(r, o, slot)
         for k in range(r.pairs):
-            q = pairs[k]
-            one = axes[q.master]
-            two = axes[q.slave]
-            p1 = params[q.master]
-            engage_pair(states[k], q, one, two, p1, params[q.slave], table, rise, steps)
+            engage_pair(pair_at(x, k), rise, steps)
         return True
     ramp = ramp_share(r, o, slot)
     guards = 0
     for k in range(r.pairs):
-        q = pairs[k]
-        guards += cycle_pair(
-            states[k],
-            q,
-            axes[q.master],
-            axes[q.slave],
-            params[q.master],
-            params[q.slave],
-            samples[q.master],
-            samples[q.slave],
-            table,
-            slot,
-            skipped,
-            ramp,
-            steps,
-        )
+        pair = pair_at(x, k)
+        q = pair.q
+        master = x.samples[q.master]
+        slave = x.samples[q.slave]
+        guards += cycle_pair(pair, master, slave, slot, skipped, ramp, steps)
     if guards != 0:
         for k in range(r.pairs):
-            q = pairs[k]
-            stop_on_guard(r, o, axes, slot, q.master)
-            stop_on_guard(r, o, axes, slot, q.slave)
+            q = x.pairs[k]
+            stop_on_guard(r, o, x.axes, slot, q.master)
+            stop_on_guard(r, o, x.axes, slot, q.slave)
     return True

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, PairView
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import (
     Guard,
@@ -77,17 +77,9 @@ law_spring = no_spring
 law_shown = where_it_is
 
 
-def start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def start(pair: PairView, gap: float) -> None:
     """Begin with the line full of where both stand, at rest."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     for i in range(q.samples):
         table[q.line + i] = one.position
         table[q.line + q.samples + i] = two.position
@@ -172,32 +164,15 @@ def see(
 law_see = see
 
 
-def engage(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> None:
+def engage(pair: PairView) -> None:
     """See each other for the first time."""
+    c, q, one, two, table = pair.c, pair.q, pair.one, pair.two, pair.table
     law_see(c, q, one, two, table)
 
 
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass one slot; in one that the loop saw, book the spring."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     if here:
         book_spring(c, q, one, two, law_spring(q, p1, p2))
     law_see(c, q, one, two, table)
@@ -208,18 +183,9 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> Sequence[str
     return ("coupler",)
 
 
-def fill_elements(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> int:
+def fill_elements(out: Row, at: int, pair: PairView) -> int:
     """Write what both devices gave, and what the spring holds; the rest is lost, or made."""
+    c = pair.c
     w = c.link
     return fill_element(out, at, w.absorbed, w.stored - w.start_stored, w.dissipated)
 

@@ -10,6 +10,9 @@ import functools
 from collections.abc import Sequence
 from typing import Any, TypeVar, cast
 
+from tautwave.controller.pair import make_pair
+from tautwave.controller.records import RunView
+
 T = TypeVar("T")
 
 
@@ -31,6 +34,11 @@ def slotted(value: T) -> T:
 def all_slotted(values: Sequence[T]) -> list[T]:
     """Return a list of constants with slots."""
     return [slotted(value) for value in values]
+
+
+def with_views(x: RunView) -> RunView:
+    """Return a run's axes and pairs with the views of all pairs made."""
+    return x._replace(views=[slotted(make_pair(x, k)) for k in range(len(x.pairs))])
 
 
 @functools.cache

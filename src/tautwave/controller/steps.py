@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableSequence, Sequence, Set
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 
 OWN_GUARDS = 100
 """First guard code that a coupling may give away itself."""
@@ -26,28 +26,11 @@ class NoParams(NamedTuple):
     nothing: int = 0
 
 
-def no_start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def no_start(pair: PairView, gap: float) -> None:
     """Keep nothing from before."""
 
 
-def no_engage(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> None:
+def no_engage(pair: PairView) -> None:
     """Nothing is on its way."""
 
 
@@ -65,18 +48,7 @@ def no_miss(s: AxisState, p: AxisParams) -> None:
     """Nothing would have left."""
 
 
-def no_exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def no_exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Nothing passes between the sides."""
 
 
@@ -107,17 +79,7 @@ def fill_no_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return at
 
 
-def fill_no_elements(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> int:
+def fill_no_elements(out: Row, at: int, pair: PairView) -> int:
     """Write no columns of a pair."""
     return at
 
@@ -132,7 +94,8 @@ class Steps(NamedTuple):
 
     The functions work on the state of the axes, whose `end` is the coupling's own record, and on
     that of the pair, whose `link` is; their constants are `p.end` and `q.link`. What they may write
-    is that and `tag` and `alarm` of an axis.
+    is that and `tag` and `alarm` of an axis. `start`, `engage`, `exchange` and `fill_elements` get
+    the whole pair as one `PairView`.
 
     `start`: forget everything, the pair begins where it stands; `gap` [rad or m] is how far the
     slave is from where it should be. `engage`: just before the first thought. `act`: a command

@@ -15,11 +15,12 @@ from tautwave.controller.records import (
     PairState,
     RunParams,
     RunState,
+    RunView,
     Sample,
 )
 from tautwave.controller.rows import element_names, fill_pair, pair_columns
 from tautwave.controller.run import begin_run, begin_stop, check_sample, end_by, run_cycle
-from tautwave.controller.slotted import all_slotted, slotted
+from tautwave.controller.slotted import all_slotted, slotted, with_views
 from tautwave.controller.steps import ALONE, Law
 from tautwave.controller.stops import AxisName, StopPlace, stop_error, stop_place
 from tautwave.errors import DeviceFault, TautwaveError
@@ -86,6 +87,7 @@ class Control(ABC):
     def params(self, given: Sequence[AxisParams]) -> None:
         self._params = tuple(given)
         self.quick = all_slotted(given)
+        self._view: RunView | None = None
 
     @property
     def law(self) -> Law:
@@ -253,25 +255,30 @@ class CoupledControl(Control):
     def pairs(self, given: Sequence[PairParams]) -> None:
         self._pairs = tuple(given)
         self.quick_pairs = all_slotted(given)
+        self._view = None
+
+    @property
+    def view(self) -> RunView:
+        """Axes and pairs as the steps see them, made again where constants were replaced."""
+        if self._view is None:
+            axes, samples = self.axes, self.samples
+            pairs, states = self.quick_pairs, self.states
+            made = RunView(self.quick, axes, samples, pairs, states, self.table)
+            self._view = slotted(with_views(made))
+        return self._view
 
     def step(self, slot: int, skipped: int) -> bool:
         """Close, exchange and think, or engage; return False if the run must not begin."""
-        begun = run_cycle(
-            self.run, self.state, self.quick, self.axes, self.samples, self.quick_pairs,
-            self.states, self.table, slot, skipped, self.steps,
-        )  # fmt: skip
+        begun = run_cycle(self.run, self.state, self.view, slot, skipped, self.steps)
         if self.wire is not None:
             self.wire.carry(self.table)
         return begun
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`."""
-        axes, params, table = self.axes, self.quick, self.table
         steps = self.steps
-        for c, q in zip(self.states, self.quick_pairs, strict=True):
-            one, two = q.master, q.slave
-            p1, p2 = params[one], params[two]
-            at = fill_pair(row, at, c, q, axes[one], axes[two], p1, p2, table, steps)
+        for pair in self.view.views:
+            at = fill_pair(row, at, pair, steps)
 
     def pairs_of_axes(self) -> Sequence[PairParams]:
         """Return the pairs."""

@@ -19,8 +19,9 @@ from tautwave.rig import build_rig, coupling_law
 from tautwave.runtime.control import CoupledControl
 from tautwave.simulation.hooks import simulation_hooks
 from tautwave.simulation.kernel.pack import Job, pack_rig
+from tautwave.simulation.kernel.records import Tables
 from tautwave.simulation.kernel.run import run_rig
-from tautwave.simulation.kernel.tables import Tables, object_tables, record_tables
+from tautwave.simulation.kernel.tables import object_tables, record_tables
 from tautwave.simulation.memory import run_in_memory
 from tautwave.simulation.outcome import error_of
 from tautwave.simulation.rows import Simulation
@@ -75,7 +76,7 @@ def _simulate(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
     run, tables_of = engine_of(engine, job.law)
     tables = tables_of(job)
     try:
-        rows = run(*tables)
+        rows = run(tables)
     except Exception as err:
         reason = why_not_compiled(err) if engine == "compiled" else ""
         if not reason:
@@ -83,7 +84,7 @@ def _simulate(rig: Rig, duration_s: float | None, engine: str) -> Simulation:
         warnings.warn(f"law {job.law.name} runs in Python: {reason}", stacklevel=2)
         run, tables_of = engine_of("python", job.law)
         tables = tables_of(job)
-        rows = run(*tables)
+        rows = run(tables)
     return simulation_of_run(job, tables, rows)
 
 
@@ -114,7 +115,7 @@ def simulate_pieces(
     tables = tables_of(job, np.empty(size) if engine == "compiled" else [0.0] * size)
     going_on = True
     while going_on:
-        count = run(*tables)
+        count = run(tables)
         yield simulation_of_run(job, tables, count)
         going_on = _outcome(tables).done > 0
 

@@ -18,8 +18,9 @@ from tautwave.config.keys.rig import bus_spec
 from tautwave.controller.records import FINISHED
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.simulation.kernel.pack import Array, Job, RigFacts, pack_rig, rig_facts
+from tautwave.simulation.kernel.records import Tables
 from tautwave.simulation.kernel.rows import measured_columns
-from tautwave.simulation.kernel.tables import Tables, object_tables, record_tables
+from tautwave.simulation.kernel.tables import object_tables, record_tables
 from tautwave.simulation.outcome import error_of
 from tautwave.simulation.run import check_engine, engine_of
 from tautwave.sweep.family import Family
@@ -137,7 +138,7 @@ class Simulator:
 
     def _go(self, job: Job, tables: Tables) -> Run:
         """Run the kernel; return what it left in the tables."""
-        count = engine_of(self._engine, job.law)[0](*tables)
+        count = engine_of(self._engine, job.law)[0](tables)
         width = len(job.columns)
         rows = np.asarray(tables.out[: count * width], dtype=np.float64).reshape(count, width)
         columns = dict(zip(job.columns, rows.T, strict=True))

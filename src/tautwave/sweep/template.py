@@ -27,8 +27,8 @@ from tautwave.simulation.kernel.pack import (
     pack_device,
     true_model,
 )
-from tautwave.simulation.kernel.records import DeviceParams
-from tautwave.simulation.kernel.tables import Form, Tables, image_of
+from tautwave.simulation.kernel.records import DeviceParams, Tables
+from tautwave.simulation.kernel.tables import Form, image_of
 from tautwave.sweep.family import KEPT as FAMILIES
 from tautwave.sweep.family import Family, Values
 from tautwave.sweep.local_keys import AXIS, DEVICE, PAIR, Part

@@ -271,7 +271,7 @@ def _closed_loop(job: Job, integrator: str, substeps: int) -> Array:
     own = devices.move_device
     devices.move_device = move_device
     try:
-        count = run_rig(*tables, job.law.steps)
+        count = run_rig(tables, job.law.steps)
     finally:
         devices.move_device = own
     width = len(job.columns)

@@ -11,7 +11,7 @@ from tautwave.bench.calls import GUARDED, SERVO_SITE, SITE, WALLED, B, T
 from tautwave.bench.chunks import Cost, Work, costs
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.axis import close_axis, pass_slot, start_axis, think_axis
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, PairView
 from tautwave.controller.slotted import slotted
 from tautwave.controller.steps import Law, NoParams, Steps
 from tautwave.laws.site import SiteParams
@@ -69,11 +69,7 @@ TABLE = [0.0] * 8
 class Bench(NamedTuple):
     """Both axes of a pair, of which the first is measured; the second only stands there."""
 
-    pair: PairState
-    link: PairParams
-    one: AxisState
-    two: AxisState
-    params: AxisParams
+    pair: PairView
     steps: Steps
 
 
@@ -107,14 +103,14 @@ def standing_axis(case: SiteCase) -> Bench:
     one, two = AxisState(end=law.end()), AxisState(end=law.end())
     start_axis(one, p, POSITIONS[0], 0.0)
     start_axis(two, p, POSITIONS[0], 0.0)
-    pair = PairState(link=law.link())
-    law.steps.start(pair, q, one, two, p, p, 0.0, TABLE)
-    return Bench(pair, slotted(q), one, two, slotted(p), slotted(law.steps))
+    pair = slotted(PairView(PairState(link=law.link()), q, one, two, p, p, TABLE))
+    law.steps.start(pair, 0.0)
+    return Bench(pair, slotted(law.steps))
 
 
 def closing(b: Bench) -> Callable[[float], None]:
     """Return what closes a slot at a position."""
-    _, _, one, _, p, steps = b
+    one, p, steps = b.pair.one, b.pair.p1, b.steps
 
     def close(position: float) -> None:
         pass_slot(one, p, TABLE, steps)
@@ -125,11 +121,12 @@ def closing(b: Bench) -> Callable[[float], None]:
 
 def thinking(b: Bench) -> Callable[[], None]:
     """Return what receives and thinks."""
-    pair, link, one, two, p, steps = b
+    pair, steps = b
+    one, p = pair.one, pair.p1
     ceiling = p.ceiling
 
     def think() -> None:
-        steps.exchange(pair, link, one, two, p, p, TABLE, True, True, True)
+        steps.exchange(pair, True, True, True)
         think_axis(one, p, TABLE, ceiling, steps)
 
     return think

@@ -86,7 +86,7 @@ def run_job(job: Job, kernel: Any, rounds: int) -> RigRun:
             getattr(tables, name)[:] = values
         before = calibrate()
         began = time.thread_time_ns()
-        count = kernel(*tables)
+        count = kernel(tables)
         spent = time.thread_time_ns() - began
         if at > 0:
             taken.append((max(before, calibrate()), spent))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import MutableSequence
 
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import (
     OWN_GUARDS,
@@ -88,18 +87,10 @@ def start_account(s: AxisState, p: AxisParams) -> None:
     e.held = 0.0
 
 
-def start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def start(pair: PairView, gap: float) -> None:
     """Start the law, with a reserve at both ends and no credit on its way."""
-    law_start(c, q, one, two, p1, p2, gap, table)
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
+    law_start(pair, gap)
     start_account(one, p1)
     start_account(two, p2)
     c.link.account.at = 0
@@ -111,17 +102,9 @@ def start(
         table[at + 3 * q.samples + i] = p2.end.account.reserve / p2.end.account.full
 
 
-def engage(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> None:
+def engage(pair: PairView) -> None:
     """Engage the law."""
-    law_engage(c, q, one, two, p1, p2, table)
+    law_engage(pair)
 
 
 def close(
@@ -167,17 +150,9 @@ def take_credit(s: AxisState, p: AxisParams, counter: float, level: float) -> No
     e.far_level = level
 
 
-def exchange_credits(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    first: int,
-) -> None:
+def exchange_credits(pair: PairView, first: int) -> None:
     """Pass counters and levels one slot on, their line beginning at `first` in the table."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     ahead = p1.weight * one.end.account.sent
     back = p2.weight * two.end.account.sent
     ahead_level = one.end.account.funds / p1.end.account.full
@@ -199,79 +174,39 @@ def exchange_credits(
     take_credit(two, p2, ahead, ahead_level)
 
 
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass what the law passes, and credits beside it."""
-    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+    q, one, two, p1, p2 = pair.q, pair.one, pair.two, pair.p1, pair.p2
+    law_exchange(pair, here, due_one, due_two)
     if here:
         send_credit(one, p1, law_held(one))
         send_credit(two, p2, law_held(two))
-    exchange_credits(c, q, one, two, p1, p2, table, q.line + law_rings * q.samples)
+    exchange_credits(pair, q.line + law_rings * q.samples)
 
 
-def exchange_over_link(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_over_link(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass what the law says over a network: credits are in the same packets."""
+    one, two, p1, p2 = pair.one, pair.two, pair.p1, pair.p2
     if here:
         send_credit(one, p1, law_held(one))
         send_credit(two, p2, law_held(two))
-    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+    law_exchange(pair, here, due_one, due_two)
 
 
-def exchange_at_master(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_at_master(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """As over a network, at the master's site: the slave's account is elsewhere."""
+    one, p1 = pair.one, pair.p1
     if here:
         send_credit(one, p1, law_held(one))
-    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+    law_exchange(pair, here, due_one, due_two)
 
 
-def exchange_at_slave(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_at_slave(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """As over a network, at the slave's site: the master's account is elsewhere."""
+    two, p2 = pair.two, pair.p2
     if here:
         send_credit(two, p2, law_held(two))
-    law_exchange(c, q, one, two, p1, p2, table, here, due_one, due_two)
+    law_exchange(pair, here, due_one, due_two)
 
 
 def credit(s: AxisState, p: AxisParams) -> float:
@@ -372,18 +307,9 @@ def fill_held(out: Row, at: int, p: AxisParams, held: float) -> int:
     return fill_element(out, at, stored, stored, 0.0)
 
 
-def fill_elements(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> int:
+def fill_elements(out: Row, at: int, pair: PairView) -> int:
     """Write the books of both accounts, and the credit on its way."""
+    q, one, two, p1, p2 = pair.q, pair.one, pair.two, pair.p1, pair.p2
     at = fill_account(out, at, one, p1, law_held(one))
     at = fill_account(out, at, two, p2, law_held(two))
     if q.samples > 0:
@@ -403,18 +329,9 @@ def fill_credits(
     return fill_element(out, at, under_way, under_way, 0.0)
 
 
-def fill_elements_over_link(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> int:
+def fill_elements_over_link(out: Row, at: int, pair: PairView) -> int:
     """Write the books of both accounts, and the credit in packets."""
+    one, two, p1, p2 = pair.one, pair.two, pair.p1, pair.p2
     at = fill_account(out, at, one, p1, law_held(one))
     at = fill_account(out, at, two, p2, law_held(two))
     at = fill_credits(out, at, one, two, p1, p2)

@@ -10,7 +10,7 @@ import math
 from collections.abc import MutableSequence
 from typing import Any
 
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairView
 from tautwave.controller.steps import Law, SiteLaw
 from tautwave.controller.wrapping import bound
 from tautwave.couplings.over_link.records import NewsEnd, NewsEndParams, NewsParams
@@ -47,19 +47,9 @@ def listen(e: NewsEnd, k: NewsEndParams, table: MutableSequence[float]) -> int:
     return heard
 
 
-def exchange_master(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_master(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Hear and say at the master's end; the slave's is not looked at."""
+    c, q, one, p1, table = pair.c, pair.q, pair.one, pair.p1, pair.table
     w, k = c.link.news, q.link
     w.cleared = False
     at = listen(w.master, k.master, table)
@@ -71,22 +61,12 @@ def exchange_master(
     pass_time(w.master, k.master, one, q.period)
     x, v = law_shown(one)
     credit, level = law_credit(one, p1), law_level(one, p1)
-    say(w.slave, k.slave, slot, k.period_ns, one, x, v, credit, level, table, False)
+    say(w.slave, k.slave, slot, k.period_ns, (x, v, one.end.effort, credit, level), table, False)
 
 
-def exchange_slave(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_slave(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Hear and say at the slave's end; the master's is not looked at."""
+    c, q, two, p2, table = pair.c, pair.q, pair.two, pair.p2, pair.table
     w, k = c.link.news, q.link
     w.cleared = False
     at = listen(w.slave, k.slave, table)
@@ -98,7 +78,7 @@ def exchange_slave(
     pass_time(w.slave, k.slave, two, q.period)
     x, v = law_shown(two)
     credit, level = law_credit(two, p2), law_level(two, p2)
-    say(w.master, k.master, slot, k.period_ns, two, x, v, credit, level, table, False)
+    say(w.master, k.master, slot, k.period_ns, (x, v, two.end.effort, credit, level), table, False)
 
 
 def patient(k: NewsParams) -> NewsParams:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import MutableSequence
 
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.seen import SeenEnd, book_spring, no_spring, where_it_is
 from tautwave.controller.steps import OWN_GUARDS, Guard, Law, fill_no_signals, no_start
 from tautwave.controller.wrapping import bound, record_with
@@ -67,18 +67,10 @@ def start_news(e: NewsEnd, k: NewsEndParams, table: MutableSequence[float]) -> N
     start_network(e.network, table, k.post, k.days, int(table[k.seed]), k.direction)
 
 
-def start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def start(pair: PairView, gap: float) -> None:
     """Start the law inside; what was under way belongs to a session before."""
-    law_start(c, q, one, two, p1, p2, gap, table)
+    c, q, table = pair.c, pair.q, pair.table
+    law_start(pair, gap)
     w = c.link.news
     if not w.cleared:
         start_news(w.master, q.link.master, table)
@@ -91,20 +83,20 @@ def say(
     k: NewsEndParams,
     slot: int,
     period_ns: int,
-    s: AxisState,
-    position: float,
-    velocity: float,
-    credit: float,
-    level: float,
+    news: tuple[float, float, float, float, float],
     table: MutableSequence[float],
     here: bool,
 ) -> None:
-    """Send what an end has to say to the `far` one, whose constants are `k`."""
+    """Send what an end has to say to the `far` one, whose constants are `k`.
+
+    `news`: position, velocity, effort, credit and level, in SI.
+    """
+    position, velocity, effort, credit, level = news
     kept = k.post + SENT * (slot % k.days)
     table[kept] = motion_said(position)
     table[kept + 1] = motion_said(velocity)
     table[kept + 2] = credit_said(credit)
-    table[kept + 3] = effort_said(s.end.effort, level)
+    table[kept + 3] = effort_said(effort, level)
     table[k.last] = slot
     if here:
         forward(
@@ -169,19 +161,9 @@ def pass_time(e: NewsEnd, k: NewsEndParams, s: AxisState, period: float) -> None
     e.silent += 1
 
 
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Hear and say at both ends; what leaves now arrives in the next slot at the earliest."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     k = q.link
     w = c.link.news
     w.cleared = False
@@ -203,11 +185,11 @@ def exchange(
     x, v = law_shown(one)
     credit = law_credit(one, p1)
     level = law_level(one, p1)
-    say(w.slave, k.slave, slot, k.period_ns, one, x, v, credit, level, table, here)
+    say(w.slave, k.slave, slot, k.period_ns, (x, v, one.end.effort, credit, level), table, here)
     x, v = law_shown(two)
     credit = law_credit(two, p2)
     level = law_level(two, p2)
-    say(w.master, k.master, slot, k.period_ns, two, x, v, credit, level, table, here)
+    say(w.master, k.master, slot, k.period_ns, (x, v, two.end.effort, credit, level), table, here)
 
 
 def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import MutableSequence
 
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, PairView
 from tautwave.couplings.wave.port import receive_wave, repeat_wave
 from tautwave.laws.conversion import gather_wave, hand_over
 
@@ -119,19 +119,9 @@ def arrive_rated(s: AxisState, p: AxisParams, wave: float, due: bool) -> None:
             receive_wave(s, p, hand_over_wave(s, p))
 
 
-def exchange_rated(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_rated(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass one slot of a pair with a slow side."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     from_master = leave_rated(one, p1, due_one, here)
     from_slave = leave_rated(two, p2, due_two, here)
     at_master = from_slave

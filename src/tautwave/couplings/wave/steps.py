@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import MutableSequence
 
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Guard, Law, Steps
 from tautwave.couplings.wave.port import (
@@ -31,50 +31,25 @@ from tautwave.couplings.wave.records import WaveEnd, WaveLink
 from tautwave.couplings.wave.rescaling import rescaling
 
 
-def start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def start(pair: PairView, gap: float) -> None:
     """Begin with nothing on its way; the slave's port mends the `gap` [rad or m]."""
+    one, two, p1, p2 = pair.one, pair.two, pair.p1, pair.p2
     start_end(one, p1, 0.0)
     start_end(two, p2, gap)
 
 
-def engage(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> None:
+def engage(pair: PairView) -> None:
     """Let nothing arrive."""
+    one, two, p1, p2 = pair.one, pair.two, pair.p1, pair.p2
     receive_wave(one, p1, 0.0)
     receive_wave(two, p2, 0.0)
 
 
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass one slot: leaving waves enter the line, what leaves it arrives."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     if q.rated:
-        exchange_rated(c, q, one, two, p1, p2, table, here, due_one, due_two)
+        exchange_rated(pair, here, due_one, due_two)
         return
     if here:
         from_master = one.end.leaving
@@ -142,18 +117,9 @@ def fill_converter(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return fill_element(out, at, e.rate_absorbed, stored_in_converter(s, p), e.rate_dissipated)
 
 
-def fill_elements(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> int:
+def fill_elements(out: Row, at: int, pair: PairView) -> int:
     """Write the accounts of ports, converters and line."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     at = fill_tank(out, at, one, p1, table)
     at = fill_tank(out, at, two, p2, table)
     at = fill_converter(out, at, one, p1)

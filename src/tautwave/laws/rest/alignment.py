@@ -57,6 +57,7 @@ def align_law(
     period: float,
     delay: float,
     lag: float,
+    *,
     rate: float = math.inf,
     fastest: float = 0.0,
     stalled: float = 0.0,

@@ -115,7 +115,7 @@ def _rows(job: Job, replay: Replay) -> Rows:
     job = job._replace(run=job.run._replace(cycles=longer))
     kernel, tables_of = engine_of(replay.engine, job.law)
     tables = tables_of(job)
-    rows = simulation_of_run(job, tables, kernel(*tables))
+    rows = simulation_of_run(job, tables, kernel(tables))
     return Rows(rows.columns, rows.data[:cycles], rows.error)
 
 

@@ -91,9 +91,9 @@ def _pull(rig: Rig, keys: Resting, name: str, p: AxisParams, tolerance: float) -
         period,
         period * (p.delay + p.late),
         period * (1.0 / p.site.gain + p.delay + p.late),
-        p.site.limit.effort_step / period,
-        p.site.limit.velocity if math.isfinite(p.site.limit.velocity) else 0.0,
-        rig.overrun_limit * rig.period_s,
+        rate=p.site.limit.effort_step / period,
+        fastest=p.site.limit.velocity if math.isfinite(p.site.limit.velocity) else 0.0,
+        stalled=rig.overrun_limit * rig.period_s,
     )
     reach = REACH * tolerance
     friction = axis.coulomb.value or UNKNOWN_FRICTION * law.effort

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from tautwave.controller.inertia import start_inertia
 from tautwave.controller.pair import engage_pair, start_pair
-from tautwave.controller.records import PIPE, TAG, PairState
+from tautwave.controller.records import PIPE, TAG
 from tautwave.controller.run import ramp_share
 from tautwave.runtime.carrying.side import SideLoad
 from tautwave.runtime.control import CoupledControl
@@ -16,22 +16,22 @@ def begin_session(
     control: CoupledControl, slot: int, loads: Sequence[SideLoad], *, keep_offset: bool
 ) -> None:
     """Begin with new states and an empty line; with `keep_offset` at the offset there is now."""
-    table, params, law = control.table, control.params, control.law
-    for k, q in enumerate(control.pairs):
+    table, law = control.table, control.law
+    rig = control.pairs
+    if keep_offset:
+        control.pairs = [q._replace(at_engage=True) for q in rig]
+    for pair in control.view.views:
+        q = pair.q
         places = law.rings * q.samples
         table[q.line : q.line + places] = [0.0] * places
-        control.states[k] = c = PairState(link=law.link())
-        one, two = control.axes[q.master], control.axes[q.slave]
-        p1, p2 = params[q.master], params[q.slave]
-        present = q._replace(at_engage=q.at_engage or keep_offset)
-        master, slave = control.samples[q.master], control.samples[q.slave]
-        start_pair(c, present, one, two, p1, p2, master, slave, table, law.steps)
+        pair.c.link = law.link()
+        start_pair(pair, control.samples[q.master], control.samples[q.slave], control.steps)
+    if keep_offset:
+        control.pairs = rig
     control.state.armed_at = slot
     rise = ramp_share(control.run, control.state, slot)
-    for k, q in enumerate(control.pairs):
-        one, two = control.axes[q.master], control.axes[q.slave]
-        p1, p2 = params[q.master], params[q.slave]
-        engage_pair(control.states[k], q, one, two, p1, p2, table, rise, law.steps)
+    for pair in control.view.views:
+        engage_pair(pair, rise, control.steps)
     offsets = {n: c.offset for n, c in zip(control.pair_names, control.states, strict=True)}
     for load in loads:
         load.engage(offsets)
@@ -42,8 +42,8 @@ def end_session(control: CoupledControl, loads: Sequence[SideLoad] = ()) -> None
     for load in loads:
         load.disengage()
     law = control.law
-    for k, state in enumerate(control.states):
-        control.states[k] = PairState(state.offset, law.link())
+    for state in control.states:
+        state.link = law.link()
     for s, p in zip(control.axes, control.params, strict=True):
         # What the coupling put beside commands that still wait was banked as its own.
         for at in range(p.pipe, p.pipe + PIPE * p.delay, PIPE):

@@ -107,10 +107,7 @@ class OperatedControl(CoupledControl):
             self._forgive(device=self.state.kind != OVERRUN)
         self._take_orders(slot)
         if self._coupled:
-            going = run_cycle(
-                self.run, self.state, self.quick, self.axes, self.samples, self.quick_pairs,
-                self.states, self.table, slot, skipped, self.steps,
-            )  # fmt: skip
+            going = run_cycle(self.run, self.state, self.view, slot, skipped, self.steps)
             if self.wire is not None:
                 self.wire.carry(self.table)
             if self.state.kind == GUARD and self.standing.state != st.STOPPING:

@@ -50,7 +50,7 @@ def stop_law(rig: Rig, name: str, delay: CommandDelay) -> AlignParams:
         period,
         period,
         2.0 * period + axis.velocity_filter_s,
-        has.shared_rate,
+        rate=has.shared_rate,
     )
 
 

@@ -44,6 +44,7 @@ KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, ker
 INLINED = {
     *(axis.pass_slot, axis.close_axis, axis.decide_axis, axis.think_axis, axis.think_effort),
     *(axis.pending_effort, axis.take_sample, pair.cycle_pair, run.run_cycle, run.check_sample),
+    kernel.sense_device,
     *(device.pass_device, device.aim_hand, device.measure_device, device.command_device),
     *(device.device_forces, device.device_stored, plant.plant_forces, plant.plant_stored),
     plant.plant_step,  # unused results (in a bench: works and losses) are optimised away
@@ -196,9 +197,22 @@ def register(entry: Callable[..., Any], functions: Iterable[Callable[..., Any]])
         if function is not entry and function not in _registered:
             # Said of each, since numba hands the option down to whatever is called.
             own = getattr(sys.modules[function.__module__], "INLINED", ())
-            inline = function in INLINED or function in own
-            extending.register_jitable(forceinline=inline, **OPTIONS, **INTERNAL)(function)
+            options = {"forceinline": function in INLINED or function in own}
+            _let_call(extending, function, {**options, **OPTIONS, **INTERNAL})
             _registered.add(function)
+
+
+IN_PLACE = {pair.pair_at: pair.make_pair}
+"""What is compiled in place of another function, and put where that is called.
+
+numba can hand a view of records on to a function, and not return one.
+"""
+
+
+def _let_call(extending: Any, function: Callable[..., Any], options: dict[str, Any]) -> None:
+    made = IN_PLACE.get(function, function)
+    inline = "never" if made is function else "always"
+    extending.overload(function, jit_options=options, strict=False, inline=inline)(lambda *_: made)
 
 
 OPTIONS = {"error_model": "numpy", "_nrt": False}

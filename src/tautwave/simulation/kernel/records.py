@@ -108,6 +108,28 @@ class DeviceState:
     asked: int = -1
 
 
+class Tables(NamedTuple):
+    """What `kernel.run_rig` works on: NumPy arrays of records, or lists of objects.
+
+    `out` holds rows one after the other; `views` are those of the pairs, of objects alone.
+    """
+
+    runs: Any
+    fakes: Any
+    outcomes: Any
+    params: Any
+    axes: Any
+    samples: Any
+    devices: Any
+    bodies: Any
+    pairs: Any
+    states: Any
+    table: Any
+    flags: Any
+    out: Any
+    views: Any = ()
+
+
 NUMBERS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
+from collections.abc import MutableSequence, Sequence
 
 from tautwave.controller.pair import effort_error, position_error
-from tautwave.controller.records import AxisState, PairParams, PairState
+from tautwave.controller.records import PairView
 from tautwave.simulation.kernel.device import device_forces, device_stored
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState
 
@@ -37,23 +37,21 @@ def fill_device(out: MutableSequence[float], at: int, b: DeviceState, d: DeviceP
 def fill_measured(
     out: MutableSequence[float],
     at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    b1: DeviceState,
-    b2: DeviceState,
-    d1: DeviceParams,
-    d2: DeviceParams,
+    pair: PairView,
+    bodies: Sequence[DeviceState],
+    devices: Sequence[DeviceParams],
 ) -> int:
     """Write the few columns of a pair that `measured_columns` names; return the next index.
 
     The energy is that of masses, grip and environment of both sides, in master units.
     """
-    kinetic, grip, surroundings = device_stored(b1, d1, b1.reference)
-    far_kinetic, far_grip, far_surroundings = device_stored(b2, d2, b2.reference)
-    out[at] = position_error(c, q, one, two)
-    out[at + 1] = effort_error(q, one, two)
+    q = pair.q
+    b1 = bodies[q.master]
+    b2 = bodies[q.slave]
+    kinetic, grip, surroundings = device_stored(b1, devices[q.master], b1.reference)
+    far_kinetic, far_grip, far_surroundings = device_stored(b2, devices[q.slave], b2.reference)
+    out[at] = position_error(pair)
+    out[at + 1] = effort_error(pair)
     out[at + 2] = b1.x
     out[at + 3] = b2.x
     energy = kinetic + grip + surroundings

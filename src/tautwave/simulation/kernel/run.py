@@ -10,16 +10,8 @@ from collections.abc import MutableSequence, Sequence
 from typing import Any
 
 from tautwave.controller.axis import is_due
-from tautwave.controller.records import (
-    OVERRUN,
-    AxisParams,
-    AxisState,
-    PairParams,
-    PairState,
-    RunParams,
-    RunState,
-    Sample,
-)
+from tautwave.controller.pair import pair_at
+from tautwave.controller.records import OVERRUN, RunView, Sample
 from tautwave.controller.rows import fill_pair
 from tautwave.controller.run import begin_run, begin_stop, check_sample, run_cycle
 from tautwave.controller.steps import Steps
@@ -30,7 +22,7 @@ from tautwave.simulation.kernel.device import (
     measure_device,
     pass_device,
 )
-from tautwave.simulation.kernel.records import DeviceParams, DeviceState, FakeParams
+from tautwave.simulation.kernel.records import DeviceParams, DeviceState, Tables
 from tautwave.simulation.kernel.rows import fill_device, fill_measured
 
 
@@ -57,67 +49,62 @@ def ask_device(
     return True
 
 
-def run_rig(
-    runs: Sequence[RunParams],
-    fakes: Sequence[FakeParams],
-    outcomes: Sequence[RunState],
-    params: Sequence[AxisParams],
-    axes: Sequence[AxisState],
-    samples: Sequence[Sample],
-    devices: Sequence[DeviceParams],
-    bodies: Sequence[DeviceState],
-    pairs: Sequence[PairParams],
-    states: Sequence[PairState],
-    table: MutableSequence[float],
-    flags: Sequence[bool],
-    out: MutableSequence[float],
-    steps: Steps,
-) -> int:
+def sense_device(
+    m: Sample, b: DeviceState, d: DeviceParams, table: Sequence[float], flags: Sequence[bool]
+) -> None:
+    """Read a device at its slot: its next noise, and whether its next sample is lost."""
+    noise = 0.0
+    if d.position_noise > 0.0:
+        noise = table[d.noise + b.reads]
+    loud = 0.0
+    if d.senses and d.sensor.noise > 0.0:
+        loud = table[d.sensor_noise + b.reads]
+    measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads], loud)
+    b.reads += 1
+
+
+def run_rig(t: Tables, steps: Steps) -> int:
     """Run until `out` is full or the run is at its end; return how many rows were written.
 
     Called again before its end, it goes on with the next row, at the beginning of `out`.
     """
-    r = runs[0]
-    f = fakes[0]
-    o = outcomes[0]
+    r = t.runs[0]
+    f = t.fakes[0]
+    o = t.outcomes[0]
+    table = t.table
+    out = t.out
+    x = RunView(t.params, t.axes, t.samples, t.pairs, t.states, table, t.views)
     slot = o.next_slot
-    began = o.done
+    began: int = o.done
     cycle = began
     skipped = o.skipped
     o.done = 0
     o.next_slot = 0
     o.skipped = 0
     if cycle == 0:
-        begin_run(r, o, params, axes)
+        begin_run(r, o, x.params, x.axes)
         for i in range(r.axes):
-            aim_hand(bodies[i], devices[i], table)
-            begin_sensor(bodies[i], devices[i], table)
-            asking = bodies[i]
+            aim_hand(t.bodies[i], t.devices[i], table)
+            begin_sensor(t.bodies[i], t.devices[i], table)
+            asking = t.bodies[i]
             asking.asked = -1
     at = 0
     size = len(out)
     while slot < o.end and at < size:
         # sense
         for i in range(r.axes):
-            m = samples[i]
-            b = bodies[i]
-            d = devices[i]
-            n = params[i].divisor
+            m = x.samples[i]
+            b = t.bodies[i]
+            d = t.devices[i]
+            n = x.params[i].divisor
             if n > 1 and not ask_device(m, b, d, n, slot, table):
                 continue
             while n == 1 and b.slot < slot:
                 pass_device(b, d, table)
-            noise = 0.0
-            if d.position_noise > 0.0:
-                noise = table[d.noise + b.reads]
-            loud = 0.0
-            if d.senses and d.sensor.noise > 0.0:
-                loud = table[d.sensor_noise + b.reads]
-            measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads], loud)
-            b.reads += 1
-            check_sample(r, o, params[i], axes, m, slot, i)
+            sense_device(m, b, d, table, t.flags)
+            check_sample(r, o, x.params[i], x.axes, m, slot, i)
         # close, exchange and think
-        if not run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped, steps):
+        if not run_cycle(r, o, x, slot, skipped, steps):
             return cycle - began
         # act and record
         whole = f.measured < 0
@@ -128,34 +115,22 @@ def run_rig(
             out[at + 3] = float(skipped)
             at = at + 4
             for k in range(r.pairs):
-                q = pairs[k]
-                one = axes[q.master]
-                two = axes[q.slave]
-                p1 = params[q.master]
-                p2 = params[q.slave]
-                at = fill_pair(out, at, states[k], q, one, two, p1, p2, table, steps)
+                at = fill_pair(out, at, pair_at(x, k), steps)
         for i in range(r.axes):
-            if is_due(params[i], slot):
-                command_device(bodies[i], devices[i], axes[i].command)
+            if is_due(x.params[i], slot):
+                command_device(t.bodies[i], t.devices[i], x.axes[i].command)
             if whole:
-                at = fill_device(out, at, bodies[i], devices[i])
+                at = fill_device(out, at, t.bodies[i], t.devices[i])
         if not whole:
-            q = pairs[f.measured]
-            one = axes[q.master]
-            two = axes[q.slave]
-            b1 = bodies[q.master]
-            b2 = bodies[q.slave]
-            d1 = devices[q.master]
-            d2 = devices[q.slave]
-            at = fill_measured(out, at, states[f.measured], q, one, two, b1, b2, d1, d2)
+            at = fill_measured(out, at, pair_at(x, f.measured), t.bodies, t.devices)
         # sleep
         slot = slot + 1
         skipped = 0
-        if f.overruns and flags[cycle]:
+        if f.overruns and t.flags[cycle]:
             skipped = f.overrun_slots
             slot = slot + skipped
             if skipped >= r.overrun_limit:
-                begin_stop(r, o, axes, slot, OVERRUN, 0, skipped)
+                begin_stop(r, o, x.axes, slot, OVERRUN, 0, skipped)
         cycle = cycle + 1
     if slot < o.end:
         o.done = cycle
@@ -168,23 +143,6 @@ STEPS: Any = None
 """Takes the place of a coupling's steps in what is compiled: its own, compiled."""
 
 
-def run_law(
-    runs: Any,
-    fakes: Any,
-    outcomes: Any,
-    params: Any,
-    axes: Any,
-    samples: Any,
-    devices: Any,
-    bodies: Any,
-    pairs: Any,
-    states: Any,
-    table: Any,
-    flags: Any,
-    out: Any,
-) -> int:
+def run_law(t: Any) -> int:
     """Run all cycles with the steps that are compiled in."""
-    return run_rig(
-        runs, fakes, outcomes, params, axes, samples, devices, bodies, pairs, states, table, flags,
-        out, STEPS,
-    )  # fmt: skip
+    return run_rig(t, STEPS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,35 +15,19 @@ from tautwave.controller.records import (
     PairState,
     RunParams,
     RunState,
+    RunView,
     Sample,
 )
-from tautwave.controller.slotted import all_slotted
+from tautwave.controller.slotted import all_slotted, with_views
 from tautwave.simulation.kernel.pack import Array, Job
 from tautwave.simulation.kernel.records import (
     DeviceParams,
     DeviceState,
     FakeParams,
+    Tables,
     parts_of,
     record_type,
 )
-
-
-class Tables(NamedTuple):
-    """The arguments of `kernel.run_rig`, in its order."""
-
-    runs: Any
-    fakes: Any
-    outcomes: Any
-    params: Any
-    axes: Any
-    samples: Any
-    devices: Any
-    bodies: Any
-    pairs: Any
-    states: Any
-    table: Any
-    flags: Any
-    out: Any
 
 
 def record_tables(job: Job, out: Array | None = None) -> Tables:
@@ -120,19 +104,21 @@ def _bytes_of(table: Array) -> Array:
 
 def object_tables(job: Job, out: list[float] | None = None) -> Tables:
     """Return tables of Python objects and floats, for the kernel as plain Python."""
-    bodies = [DeviceState(x=x) for x in job.start]
+    view = RunView(
+        params=all_slotted(job.params),
+        axes=[AxisState(end=job.law.end()) for _ in job.axes],
+        samples=[Sample() for _ in job.axes],
+        pairs=all_slotted(job.pairs),
+        states=[PairState(link=job.law.link()) for _ in job.pairs],
+        table=job.table.tolist(),
+    )
     return Tables(
         runs=[job.run],
         fakes=[job.fake],
         outcomes=[RunState()],
-        params=all_slotted(job.params),
-        axes=[AxisState(end=job.law.end()) for _ in job.axes],
-        samples=[Sample() for _ in job.axes],
+        **with_views(view)._asdict(),
         devices=all_slotted(job.devices),
-        bodies=bodies,
-        pairs=all_slotted(job.pairs),
-        states=[PairState(link=job.law.link()) for _ in job.pairs],
-        table=job.table.tolist(),
+        bodies=[DeviceState(x=x) for x in job.start],
         flags=job.flags.tolist(),
         out=[0.0] * (job.run.cycles * len(job.columns)) if out is None else out,
     )

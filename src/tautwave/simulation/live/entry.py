@@ -19,12 +19,13 @@ from tautwave.controller.records import (
     PairState,
     RunParams,
     RunState,
+    RunView,
     Sample,
 )
 from tautwave.controller.steps import ALONE, Law, NoParams, Steps
 from tautwave.simulation.kernel import compiled
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState, record_type
-from tautwave.simulation.live.steps import end_control, step_control, step_devices
+from tautwave.simulation.live.steps import Devices, Ways, end_control, step_control, step_devices
 
 numba: Any = importlib.import_module("numba")
 types: Any = numba.types
@@ -38,55 +39,41 @@ def _step_control(
     runs: Any, outcomes: Any, params: Any, axes: Any, samples: Any, pairs: Any, states: Any,
     table: Any, inputs: Any, outputs: Any, row: Any, slot: int, skipped: int, fault: int,
 ) -> None:  # fmt: skip
-    r: Any = carray(runs, 1)
-    n: Any = r[0].axes
-    k: Any = r[0].pairs
-    o: Any = carray(outcomes, 1)
-    p: Any = carray(params, n)
-    s: Any = carray(axes, n)
-    m: Any = carray(samples, n)
-    q: Any = carray(pairs, k)
-    c: Any = carray(states, k)
-    given: Any = carray(inputs, 1)
-    commands: Any = carray(outputs, 1)
-    step_control(
-        r,
-        o,
-        p,
-        s,
-        m,
-        q,
-        c,
+    r: Any = carray(runs, 1)[0]
+    o: Any = carray(outcomes, 1)[0]
+    x = RunView(
+        carray(params, r.axes),
+        carray(axes, r.axes),
+        carray(samples, r.axes),
+        carray(pairs, r.pairs),
+        carray(states, r.pairs),
         carray(table, 1),
-        given,
-        commands,
-        carray(row, 1),
-        slot,
-        skipped,
-        fault,
-        STEPS,
+        (),
     )
+    ways = Ways(carray(inputs, 1), carray(outputs, 1), carray(row, 1))
+    step_control(r, o, x, ways, slot, skipped, fault, STEPS)
 
 
 def _end_control(
     runs: Any, outcomes: Any, axes: Any, outputs: Any, slot: int, skipped: int
 ) -> None:
-    r: Any = carray(runs, 1)
-    o: Any = carray(outcomes, 1)
-    s: Any = carray(axes, r[0].axes)
-    end_control(r, o, s, carray(outputs, 1), slot, skipped)
+    r: Any = carray(runs, 1)[0]
+    o: Any = carray(outcomes, 1)[0]
+    end_control(r, o, carray(axes, r.axes), carray(outputs, 1), slot, skipped)
 
 
 def _step_devices(
     devices: Any, bodies: Any, samples: Any, table: Any, flags: Any, values: Any, row: Any,
     count: int, slot: int, command: int,
 ) -> None:  # fmt: skip
-    d: Any = carray(devices, count)
-    b: Any = carray(bodies, count)
-    m: Any = carray(samples, count)
-    lost: Any = carray(flags, 1)
-    given: Any = carray(values, 1)
-    step_devices(d, b, m, carray(table, 1), lost, given, carray(row, 1), count, slot, command != 0)
+    w = Devices(
+        carray(devices, count),
+        carray(bodies, count),
+        carray(samples, count),
+        carray(table, 1),
+        carray(flags, 1),
+    )
+    step_devices(w, carray(values, 1), carray(row, 1), count, slot, command != 0)
 
 
 _FLOATS = (float,) * 4

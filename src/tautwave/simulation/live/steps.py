@@ -7,16 +7,16 @@ whether anything was read at all); `outputs`, a command an axis and then what `S
 from __future__ import annotations
 
 from collections.abc import MutableSequence, Sequence
+from typing import NamedTuple
 
+from tautwave.controller.pair import pair_at
 from tautwave.controller.records import (
     FAULT,
     OVERRUN,
-    AxisParams,
     AxisState,
-    PairParams,
-    PairState,
     RunParams,
     RunState,
+    RunView,
     Sample,
 )
 from tautwave.controller.rows import fill_pair
@@ -26,11 +26,11 @@ from tautwave.simulation.kernel.device import (
     aim_hand,
     begin_sensor,
     command_device,
-    measure_device,
     pass_device,
 )
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState
 from tautwave.simulation.kernel.rows import fill_device
+from tautwave.simulation.kernel.run import sense_device
 
 INPUTS = 4
 NOTHING, ABSENT, TAKEN = 0.0, 1.0, 2.0
@@ -40,18 +40,29 @@ BEGUN, END, KIND, SLOTS = 0, 1, 2, 3
 """Outputs after the commands: whether the run may go on, the slot after the last, why it stops."""
 
 
+class Ways(NamedTuple):
+    """Arrays on the way in and out of a cycle of the controller."""
+
+    inputs: MutableSequence[float]
+    outputs: MutableSequence[float]
+    row: MutableSequence[float]
+
+
+class Devices(NamedTuple):
+    """Simulated devices, what they measured, and their tables of numbers and of lost samples."""
+
+    devices: Sequence[DeviceParams]
+    bodies: Sequence[DeviceState]
+    samples: Sequence[Sample]
+    table: MutableSequence[float]
+    flags: Sequence[bool]
+
+
 def step_control(
-    runs: Sequence[RunParams],
-    outcomes: Sequence[RunState],
-    params: Sequence[AxisParams],
-    axes: Sequence[AxisState],
-    samples: Sequence[Sample],
-    pairs: Sequence[PairParams],
-    states: Sequence[PairState],
-    table: MutableSequence[float],
-    inputs: MutableSequence[float],
-    outputs: MutableSequence[float],
-    row: MutableSequence[float],
+    r: RunParams,
+    o: RunState,
+    x: RunView,
+    ways: Ways,
     slot: int,
     skipped: int,
     fault: int,
@@ -62,35 +73,30 @@ def step_control(
     `fault` is the first axis after the bus whose device stops the run, -1 for none: what comes
     first in the order of the buses is the reason that is kept.
     """
-    r = runs[0]
-    o = outcomes[0]
+    inputs = ways.inputs
+    outputs = ways.outputs
     for i in range(r.axes):
         if i == fault:
-            begin_stop(r, o, axes, slot, FAULT, 0, 0)
+            begin_stop(r, o, x.axes, slot, FAULT, 0, 0)
         at = INPUTS * i
         if inputs[at + 3] == NOTHING:
             continue
-        m = samples[i]
+        m = x.samples[i]
         m.position = inputs[at]
         m.effort = inputs[at + 1]
         m.valid = inputs[at + 2] != 0.0
         if inputs[at + 3] == TAKEN:
-            check_sample(r, o, params[i], axes, m, slot, i)
+            check_sample(r, o, x.params[i], x.axes, m, slot, i)
         inputs[at + 3] = NOTHING
     if fault == r.axes:
-        begin_stop(r, o, axes, slot, FAULT, 0, 0)
-    begun = run_cycle(r, o, params, axes, samples, pairs, states, table, slot, skipped, steps)
+        begin_stop(r, o, x.axes, slot, FAULT, 0, 0)
+    begun = run_cycle(r, o, x, slot, skipped, steps)
     if begun:
         at = 0
         for k in range(r.pairs):
-            q = pairs[k]
-            one = axes[q.master]
-            two = axes[q.slave]
-            p1 = params[q.master]
-            p2 = params[q.slave]
-            at = fill_pair(row, at, states[k], q, one, two, p1, p2, table, steps)
+            at = fill_pair(ways.row, at, pair_at(x, k), steps)
     for i in range(r.axes):
-        outputs[i] = axes[i].command
+        outputs[i] = x.axes[i].command
     outputs[r.axes + BEGUN] = 0.0
     if begun:
         outputs[r.axes + BEGUN] = 1.0
@@ -99,16 +105,14 @@ def step_control(
 
 
 def end_control(
-    runs: Sequence[RunParams],
-    outcomes: Sequence[RunState],
+    r: RunParams,
+    o: RunState,
     axes: Sequence[AxisState],
     outputs: MutableSequence[float],
     slot: int,
     skipped: int,
 ) -> None:
     """Stop for `skipped` slots, or ramp down on request if it is 0."""
-    r = runs[0]
-    o = outcomes[0]
     if skipped > 0:
         begin_stop(r, o, axes, slot, OVERRUN, 0, skipped)
     else:
@@ -118,11 +122,7 @@ def end_control(
 
 
 def step_devices(
-    devices: Sequence[DeviceParams],
-    bodies: Sequence[DeviceState],
-    samples: Sequence[Sample],
-    table: MutableSequence[float],
-    flags: Sequence[bool],
+    w: Devices,
     values: MutableSequence[float],
     row: MutableSequence[float],
     count: int,
@@ -135,26 +135,19 @@ def step_devices(
     """
     if command:
         for i in range(count):
-            command_device(bodies[i], devices[i], values[i])
+            command_device(w.bodies[i], w.devices[i], values[i])
     at = 0
     for i in range(count):
-        b = bodies[i]
-        d = devices[i]
-        m = samples[i]
+        b = w.bodies[i]
+        d = w.devices[i]
+        m = w.samples[i]
         if b.slot == 0:
-            aim_hand(b, d, table)
+            aim_hand(b, d, w.table)
             if b.reads == 0:
-                begin_sensor(b, d, table)
+                begin_sensor(b, d, w.table)
         while b.slot < slot:
-            pass_device(b, d, table)
-        noise = 0.0
-        if d.position_noise > 0.0:
-            noise = table[d.noise + b.reads]
-        loud = 0.0
-        if d.senses and d.sensor.noise > 0.0:
-            loud = table[d.sensor_noise + b.reads]
-        measure_device(m, b, d, noise, d.loses and flags[d.missing + b.reads], loud)
-        b.reads += 1
+            pass_device(b, d, w.table)
+        sense_device(m, b, d, w.table, w.flags)
         values[3 * i] = m.position
         values[3 * i + 1] = m.effort
         values[3 * i + 2] = 0.0

@@ -8,7 +8,7 @@ only if the account can pay, and passes the wave filter after it was paid for.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, MutableSequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from pydantic import Field
 
 from tautwave.config import Coupling, Pair
 from tautwave.contracts import CoupledAxis, CouplingPlugin, Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Law, Steps
 from tautwave.laws.limit import clamp
@@ -94,17 +94,9 @@ def end_constants(pair: AccountPair, side: str, axis: CoupledAxis) -> AccountPar
     )
 
 
-def start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def start(pair: PairView, gap: float) -> None:
     """Begin at rest, with nothing in the accounts; the slave mends the `gap`."""
+    one, two, p2 = pair.one, pair.two, pair.p2
     forget(one, 0.0)
     forget(two, gap * p2.end.root)
 
@@ -173,19 +165,9 @@ def close(
     e.wave_energy = 0.0
 
 
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Hand each side's wave to the other."""
+    one, two = pair.one, pair.two
     one.end.wave_in = two.end.leaving
     two.end.wave_in = one.end.leaving
     one.tag = one.end.wave_in
@@ -224,18 +206,9 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
     return ["port_master", "port_slave"]
 
 
-def fill_elements(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> int:
+def fill_elements(out: Row, at: int, pair: PairView) -> int:
     """Write the accounts of both ports; a wave that arrived waits for its command to act."""
+    one, two, p1, p2 = pair.one, pair.two, pair.p1, pair.p2
     for s, p in ((one, p1), (two, p2)):
         e = s.end
         waiting = e.wave_energy + p.half_period * s.tag * s.tag

@@ -14,12 +14,12 @@ what it makes of the line's integral is given back within the drift time, so tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableSequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from tautwave.contracts import CoupledAxis, CouplingPlugin
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairView
 from tautwave.controller.steps import Law, no_close, no_start
 from tautwave.controller.wrapping import bound, params_with, record_with
 from tautwave.couplings.outside import outside_effort
@@ -54,18 +54,10 @@ law_start = no_start
 law_close = no_close
 
 
-def start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def start(pair: PairView, gap: float) -> None:
     """Start the law inside, with nothing acting from outside."""
-    law_start(c, q, one, two, p1, p2, gap, table)
+    one, two = pair.one, pair.two
+    law_start(pair, gap)
     forget(one)
     forget(two)
 

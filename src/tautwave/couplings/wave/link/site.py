@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence
 
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairView
 from tautwave.controller.steps import SiteLaw
 from tautwave.couplings.wave.link.records import LinkEnd, LinkEndParams, LinkPair, LinkParams
 from tautwave.couplings.wave.link.steps import law, pass_end, take_note
@@ -25,37 +25,17 @@ def keep_last(e: LinkEnd, far: LinkEndParams, table: MutableSequence[float]) -> 
     table[far.last] = e.sender.slot
 
 
-def exchange_master(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_master(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass one slot at the master's end; the slave's is not looked at."""
-    pass_end(c.link.master, q.link.master, one, p1, q.period, q.rated, here, due_one, table)
+    c, q, one, p1, table = pair.c, pair.q, pair.one, pair.p1, pair.table
+    pass_end(c.link.master, q.link.master, one, p1, q, here, due_one, table)
     keep_last(c.link.master, q.link.slave, table)
 
 
-def exchange_slave(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange_slave(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass one slot at the slave's end; the master's is not looked at."""
-    pass_end(c.link.slave, q.link.slave, two, p2, q.period, q.rated, here, due_two, table)
+    c, q, two, p2, table = pair.c, pair.q, pair.two, pair.p2, pair.table
+    pass_end(c.link.slave, q.link.slave, two, p2, q, here, due_two, table)
     keep_last(c.link.slave, q.link.master, table)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import MutableSequence
 
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState
+from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import OWN_GUARDS, Guard
 from tautwave.couplings.wave.link.records import (
@@ -59,19 +59,11 @@ def start_link_end(e: LinkEnd, k: LinkEndParams, table: MutableSequence[float]) 
     start_network(e.network, table, k.post, k.days, int(table[k.seed]), k.direction)
 
 
-def start(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    gap: float,
-    table: MutableSequence[float],
-) -> None:
+def start(pair: PairView, gap: float) -> None:
     """Begin a session; the slave's port mends the `gap` [rad or m]."""
+    c, q, table = pair.c, pair.q, pair.table
     w = c.link
-    line_start(c, q, one, two, p1, p2, gap, table)
+    line_start(pair, gap)
     if not w.used:
         start_link_end(w.master, q.link.master, table)
         start_link_end(w.slave, q.link.slave, table)
@@ -83,18 +75,18 @@ def pass_end(
     k: LinkEndParams,
     s: AxisState,
     p: AxisParams,
-    period: float,
-    rated: bool,
+    q: PairParams,
     here: bool,
     due: bool,
     table: MutableSequence[float],
 ) -> None:
-    """Pass one slot of `period` [s] at one end, after the packets that came have been taken.
+    """Pass one slot at one end, after the packets that came have been taken.
 
     The other end, its axis and its constants are not looked at.
     """
+    period = q.period
     half = 0.5 * period
-    if rated:
+    if q.rated:
         wave = leave_rated(s, p, due, here)
     elif here:
         wave = s.end.leaving
@@ -119,7 +111,7 @@ def pass_end(
     e.silent += 1
     tell(e, k, s, period)
     guard(e, k, s, period)
-    if rated:
+    if q.rated:
         arrive_rated(s, p, arriving, due)
     else:
         receive_wave(s, p, arriving)
@@ -200,26 +192,16 @@ def dispatch(
         keep_sent(table, k.post, k.days, e.sender, e.receiver.granted, e.receiver.asked)
 
 
-def exchange(
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-    here: bool,
-    due_one: bool,
-    due_two: bool,
-) -> None:
+def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     """Pass one slot at both ends."""
+    c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     k = q.link
     master = c.link.master
     slave = c.link.slave
     collect(master, k.master, table)
     collect(slave, k.slave, table)
-    pass_end(master, k.master, one, p1, q.period, q.rated, here, due_one, table)
-    pass_end(slave, k.slave, two, p2, q.period, q.rated, here, due_two, table)
+    pass_end(master, k.master, one, p1, q, here, due_one, table)
+    pass_end(slave, k.slave, two, p2, q, here, due_two, table)
     dispatch(master, slave, k.slave, k.period_ns, here, table)
     dispatch(slave, master, k.master, k.period_ns, here, table)
     if master.afloat + slave.afloat < 0:
@@ -253,18 +235,9 @@ def fill_receiver(out: Row, at: int, e: LinkEnd) -> int:
     return fill_element(out, at, e.taken - e.given - e.returned, stored, r.dropped)
 
 
-def fill_elements(
-    out: Row,
-    at: int,
-    c: PairState,
-    q: PairParams,
-    one: AxisState,
-    two: AxisState,
-    p1: AxisParams,
-    p2: AxisParams,
-    table: MutableSequence[float],
-) -> int:
+def fill_elements(out: Row, at: int, pair: PairView) -> int:
     """Write the accounts of ports, converters, receivers and network."""
+    c, one, two, p1, p2, table = pair.c, pair.one, pair.two, pair.p1, pair.p2, pair.table
     w = c.link
     at = fill_tank(out, at, one, p1, table)
     at = fill_tank(out, at, two, p2, table)
