@@ -10,7 +10,7 @@ from tautwave.laws.limit import LimitParams, guard_axis, limit_effort, share_eff
 from tautwave.laws.observer import observe, observer_params
 from tautwave.laws.port import port_close, port_effort, port_params
 from tautwave.laws.servo.admittance import admittance_params, admittance_velocity
-from tautwave.laws.site import SiteParams, limit_site, limit_velocity, render_wall
+from tautwave.laws.site import SiteParams, limit_velocity, render_wall
 from tautwave.laws.velocity import track_velocity
 from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort, wall_loss
 from tautwave.laws.wave_filter import filter_step
@@ -68,7 +68,6 @@ LAWS = (
     Call("admittance_velocity", admittance_velocity, (ADMITTANCE, 0.1, 0.05, *REST), 1),
     Call("render_wall, touched", render_wall, (WALLED, 1e-6, False, 0.11, 0.4, 0.4, 1.1), 3),
     Call("render_wall, controlled", render_wall, (GUARDED, 1e-6, False, 0.11, 0.4, 0.4, 1.1), 3),
-    Call("limit_site", limit_site, (SITE, 0.03, 0.1, 0.12, 1.1), 1),
     Call("limit_velocity", limit_velocity, (SERVO_SITE, 0.4, 15.0), 1),
 )
 

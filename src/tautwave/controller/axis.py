@@ -16,6 +16,7 @@ from tautwave.controller.records import PIPE, TAG, AxisParams, AxisState, Sample
 from tautwave.controller.steps import Steps
 from tautwave.laws.compensation import compensation_effort
 from tautwave.laws.limit import (
+    AT_LIMIT,
     CLIPPED,
     NOT_A_NUMBER,
     RAMPED,
@@ -24,12 +25,12 @@ from tautwave.laws.limit import (
     guard_axis,
     limit_effort,
     limited_by,
+    share_effort,
 )
 from tautwave.laws.ramp import stall_ceiling
 from tautwave.laws.site import (
     clip_coupling,
     held_effort,
-    limit_site,
     limit_velocity,
     render_wall,
     velocity_limited,
@@ -310,20 +311,26 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
         stop_coupled(s, p, ceiling, steps)
         return s.alarm
     asked = port
-    port = clip_coupling(site, asked, ceiling, p.ceiling)
-    cut = asked - port
+    cut = 0.0
+    if ceiling < p.ceiling or not -site.clip <= asked <= site.clip:
+        port = clip_coupling(site, asked, ceiling, p.ceiling)
+        cut = asked - port
     if site.compensates or site.lightens:
         port = port + support
+    wanted = wall + port
     bound = ceiling
-    total = wall + port
-    if not -site.sure <= total <= site.sure:
-        bound = stall_ceiling(site.stall, s.velocity, coast, total, ceiling)
-    total, port, wall, wanted = limit_site(site, wall, port, s.total, bound)
+    if not -site.sure <= wanted <= site.sure:
+        bound = stall_ceiling(site.stall, s.velocity, coast, wanted, ceiling)
+    total = limit_effort(site.limit, wanted, s.total, bound)
     s.limited = 0
-    if total != wanted or math.fabs(wanted) >= site.limit.effort:
+    if total != wanted:
         s.limited = limited_by(site.limit, wanted, s.total, ceiling)
         if bound < ceiling and math.fabs(wanted) > bound:
             s.limited = STALL_BOUND | limited_by(site.limit, clamp(wanted, bound), s.total, ceiling)
+        port = share_effort(wall, port, total)
+        wall = total - port
+    elif not -site.limit.effort < wanted < site.limit.effort:
+        s.limited = AT_LIMIT
     if cut != 0.0:
         if not -site.clip <= asked <= site.clip:
             s.limited = s.limited | CLIPPED

@@ -95,8 +95,15 @@ def limit_effort(p: LimitParams, asked: float, last: float, ceiling: float) -> f
     Order: NaN to zero and the effort limit or the engage ramp's `ceiling`, whichever is lower;
     then the rate limit from `last`; then truncation to the drive's quantum, towards zero.
     """
-    value = slew(clamp(asked, effort_bound(p, ceiling)), last, p.effort_step)
-    return truncate(value, p.effort_quantum)
+    bound = effort_bound(p, ceiling)
+    value = asked
+    if not -bound <= asked <= bound:
+        value = clamp(asked, bound)
+    if not -p.effort_step <= value - last <= p.effort_step:
+        value = slew(value, last, p.effort_step)
+    if p.effort_quantum > 0.0:
+        return truncate(value, p.effort_quantum)
+    return value
 
 
 def limited_by(p: LimitParams, asked: float, last: float, ceiling: float) -> int:

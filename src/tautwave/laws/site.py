@@ -22,8 +22,6 @@ from tautwave.laws.limit import (
     LimitParams,
     clamp,
     effort_bound,
-    limit_effort,
-    share_effort,
 )
 from tautwave.laws.ramp import NO_STALL, StallParams
 from tautwave.laws.wall import WallParams, control_wall, hold_wall, wall_depth, wall_effort
@@ -115,35 +113,6 @@ def clip_coupling(p: SiteParams, asked: float, ceiling: float, whole: float) -> 
     if not p.clip < math.inf:
         return asked
     return clamp(asked, p.clip * (ceiling / whole))
-
-
-def limit_site(
-    p: SiteParams, wall: float, port: float, last: float, ceiling: float
-) -> tuple[float, float, float, float]:
-    """Return what of the efforts of wall and coupling may be sent.
-
-    Parameters
-    ----------
-    p : SiteParams
-        Constants.
-    wall, port : float
-        Requested resisting efforts of the wall and of the coupling [N m or N].
-    last : float
-        Resisting effort sent last [N m or N].
-    ceiling : float
-        Present effort ceiling of the engage ramp [N m or N].
-
-    Returns
-    -------
-    tuple of float
-        Resisting effort to send, its parts by coupling and wall, the requested effort [N m or N].
-    """
-    asked = wall + port
-    total = limit_effort(p.limit, asked, last, ceiling)
-    if total != asked:
-        port = share_effort(wall, port, total)
-        wall = total - port
-    return total, port, wall, asked
 
 
 def wall_ahead(p: SiteParams, position: float, pending: float) -> tuple[float, float, float]:

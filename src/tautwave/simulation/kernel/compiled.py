@@ -50,7 +50,7 @@ INLINED = {
     plant.plant_step,  # unused results (in a bench: works and losses) are optimised away
     *(controller_rows.fill_pair, controller_rows.fill_axis, controller_rows.fill_wall),
     *(controller_rows.fill_element, rows.fill_device, port.port_effort, port.port_close),
-    *(site.render_wall, site.clip_coupling, site.limit_site, limit.guard_axis, limit.limit_effort),
+    *(site.render_wall, site.clip_coupling, limit.guard_axis, limit.limit_effort),
     *(observer.observe, port.repayment, limit.clamp),
 }
 """What runs in every cycle, is called in a place or two, and costs little more than a call.
