@@ -70,3 +70,33 @@ def test_the_picture_of_the_floors_has_each_room_once_and_fits(
     for (x, width), name in zip(boxes, names, strict=True):
         assert float(x) + float(width) <= WIDTH
         assert float(width) >= PER_LETTER * len(name), name
+
+
+STATUS = re.compile(
+    r"^---\norphan: true\n---\n\n# .+\n\n"
+    r"(?:Accepted \d{4}-\d\d-\d\d(?:; changed in part by (?:\[\d{4}\]\([\w.-]+\)(?: and )?)+)?\.|"
+    r"Replaced by \[\d{4}\]\([\w.-]+\); accepted \d{4}-\d\d-\d\d\.)\n\n\*\*Context\.\*\* "
+)
+
+
+def unlike_decisions(pages: dict[str, str], index: str) -> list[str]:
+    """Pages without status and date, or not in exactly one group of the index."""
+    return [
+        name
+        for name, text in pages.items()
+        if not STATUS.match(text) or index.count(f"]({name})") != 1
+    ]
+
+
+def test_every_decision_has_a_status_a_date_and_a_group() -> None:
+    folder = ROOT / "docs/decisions"
+    pages = {path.name: path.read_text() for path in folder.glob("0*.md")}
+    assert not unlike_decisions(pages, (folder / "index.md").read_text())
+
+
+def test_a_decision_without_status_or_group_is_noticed() -> None:
+    good = "---\norphan: true\n---\n\n# A title\n\nAccepted 2026-11-28.\n\n**Context.** Text.\n"
+    assert not unlike_decisions({"0001-a.md": good}, "- [0001](0001-a.md) A title\n")
+    assert unlike_decisions({"0001-a.md": good}, "") == ["0001-a.md"]
+    bad = good.replace("Accepted 2026-11-28.\n\n", "")
+    assert unlike_decisions({"0001-a.md": bad}, "- [0001](0001-a.md)\n") == ["0001-a.md"]
