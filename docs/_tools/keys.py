@@ -21,6 +21,7 @@ README = Path(__file__).parents[2] / "configs" / "README.md"
 TITLES = {
     "canopen": "driver `canopen`",
     "dynamixel": "driver `dynamixel`",
+    "feetech": "driver `feetech`",
     "mit": "driver `mit`",
 }
 Node = Mapping[str, Any]

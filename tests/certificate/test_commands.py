@@ -109,6 +109,7 @@ def test_check_of_two_axes_is_light() -> None:
         ("bench-mit-virtual", ("passed", "passed")),
         ("dm4310-pair", ("passed", "passed")),
         ("bench-dynamixel-sim", ("passed", "passed")),
+        ("bench-feetech-sim", ("passed", "passed")),
         ("bench-mixed-sim", ("passed", "passed")),
         ("bench-modbus-rtu-sim", ("passed", "passed")),
         ("bench-modbus-tcp-sim", ("passed", "passed")),

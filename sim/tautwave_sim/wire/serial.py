@@ -79,10 +79,19 @@ class SerialLine(Schedule):
         bytes have come. 0: each transmission is handed over when its last byte has arrived.
     bits : int
         Bits of a byte on the wire: start, data, parity and stop; 11 for 8E1 or 8N2.
+    echoes : bool
+        The adapter hears what it sends itself, and hands it to the host.
     """
 
-    def __init__(self, baud: int, latency_ns: int = 0, bits: int = BITS_PER_BYTE) -> None:
+    def __init__(
+        self,
+        baud: int,
+        latency_ns: int = 0,
+        bits: int = BITS_PER_BYTE,
+        echoes: bool = False,
+    ) -> None:
         super().__init__()
+        self._echoes = echoes
         self.baud = baud
         self.bits = bits
         self.latency_ns = latency_ns
@@ -117,6 +126,8 @@ class SerialLine(Schedule):
             one for one in self._responses if one.end_ns > now_ns and not one.cancelled
         ]
         self._host = sent
+        if self._echoes:
+            self._at_arrival(sent, 0, len(data), sent.end_ns)
         if self.listener is not None:
             self.listener.hear(sent)
 

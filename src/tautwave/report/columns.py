@@ -140,6 +140,16 @@ SECTIONS = {
             "degC",
             "of the motor's windings, where it is reported; NaN: no sample",
         ),
+        Column(
+            "SIDE.AXIS.motor_temperature",
+            "degC",
+            "of the motor or its housing, where it is reported; NaN: no sample",
+        ),
+        Column(
+            "SIDE.AXIS.supply_voltage",
+            "V",
+            "of the motor's supply, where it is reported; NaN: no sample",
+        ),
         Column("SIDE.AXIS.wall_effort", "N m, N", "effort of the local wall"),
         Column(
             "SIDE.AXIS.answer_us",

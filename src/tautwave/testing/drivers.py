@@ -49,6 +49,8 @@ class DriverBench(NamedTuple):
     stick: Callable[[int], None] | str = UNSAID
     spoil: Callable[[], None] | str = UNSAID
     twin: Callable[[], None] | str = UNSAID
+    period_ns: int = PERIOD_NS
+    tolerance: float = 1e-3
 
 
 def strike(clock: FakeClock, at_ns: int, blow: Callable[[], None]) -> None:
@@ -64,24 +66,24 @@ def strike(clock: FakeClock, at_ns: int, blow: Callable[[], None]) -> None:
     clock.now_ns = now_ns  # type: ignore[method-assign]
 
 
-def strokes(bring_up_ns: int, count: int) -> Iterator[int]:
+def strokes(bring_up_ns: int, count: int, period_ns: int = PERIOD_NS) -> Iterator[int]:
     """Yield times from `open` on [ns]: over bring-up, the first 50 cycles after it, and 20 drawn.
 
     `count` of each third; 0: every cycle of the first two.
     """
-    cycles = bring_up_ns // PERIOD_NS
+    cycles = bring_up_ns // period_ns
     step = max(1, cycles // count) if count else 1
-    yield from range(0, bring_up_ns, step * PERIOD_NS)
+    yield from range(0, bring_up_ns, step * period_ns)
     run = 50 // count if count else 1
-    yield from range(bring_up_ns, bring_up_ns + 50 * PERIOD_NS, run * PERIOD_NS)
+    yield from range(bring_up_ns, bring_up_ns + 50 * period_ns, run * period_ns)
     draw = random.Random(bring_up_ns)
     for _ in range(count or 20):
-        yield bring_up_ns + draw.randrange(50 * PERIOD_NS, 300 * PERIOD_NS)
+        yield bring_up_ns + draw.randrange(50 * period_ns, 300 * period_ns)
 
 
 def cycle(bench: DriverBench, commands: list[AxisCommand] | None = None) -> list[JointState]:
     """One cycle as the loop runs it."""
-    deadline = bench.clock.now_ns() + PERIOD_NS
+    deadline = bench.clock.now_ns() + bench.period_ns
     bench.driver.request()
     states = list(bench.driver.read(deadline))
     assert bench.clock.now_ns() <= deadline
@@ -96,7 +98,7 @@ def enable(bench: DriverBench) -> None:
     for _ in range(ENABLE_LIMIT):
         if bench.driver.enable_step():
             return
-        bench.clock.sleep_until(bench.clock.now_ns() + PERIOD_NS)
+        bench.clock.sleep_until(bench.clock.now_ns() + bench.period_ns)
     raise AssertionError("never enabled")
 
 
@@ -126,7 +128,7 @@ class DriverContract:
         delay = bench.driver.command_delay
         assert isinstance(delay, CommandDelay)
         assert delay.periods >= 0
-        assert 0.0 <= delay.remainder_s < PERIOD_NS * 1e-9
+        assert 0.0 <= delay.remainder_s < bench.period_ns * 1e-9
 
     def test_close_works_without_open_and_twice(self, bench: DriverBench) -> None:
         bench.driver.close()
@@ -167,7 +169,7 @@ class DriverContract:
             where = [bench.position(axis) for axis in range(len(states))]
             for state, true in zip(states, where, strict=True):
                 if state.valid:
-                    assert state.position == pytest.approx(true, abs=1e-3)
+                    assert state.position == pytest.approx(true, abs=bench.tolerance)
         assert all(state.position > 0.0 for state in states)
         bench.driver.close()
 
@@ -224,7 +226,7 @@ class DriverContract:
         bench.cut()
         watched = dict(bench.driver.watchdog_s)
         for name in sorted(watched, key=watched.__getitem__):
-            until = bench.clock.now_ns() + round(1e9 * watched[name]) + 2 * PERIOD_NS
+            until = bench.clock.now_ns() + round(1e9 * watched[name]) + 2 * bench.period_ns
             bench.clock.sleep_until(until)
             assert bench.commanded(bench.names.index(name)) == 0.0
         for name in bench.driver.unwatched:
@@ -278,7 +280,7 @@ class DriverContract:
         bring_up_ns = bench.clock.now_ns() - began
         bench.driver.close()
         axis = len(bench.causality) - 1
-        for after_ns in strokes(bring_up_ns, count or self.forgets_at):
+        for after_ns in strokes(bring_up_ns, count or self.forgets_at, bench.period_ns):
             told = self._forgetting(bench, axis, after_ns, span_ms * 1_000_000)
             assert told or after_ns <= bring_up_ns, f"after {after_ns * 1e-6:g} ms"
 
@@ -291,9 +293,11 @@ class DriverContract:
         told = False
         try:
             enable(bench)
-            until_ns = max(at_ns + span_ns + 300 * PERIOD_NS, clock.now_ns() + 50 * PERIOD_NS)
+            until_ns = max(
+                at_ns + span_ns + 300 * bench.period_ns, clock.now_ns() + 50 * bench.period_ns
+            )
             while not told and clock.now_ns() < until_ns:
-                sign = 1.0 if clock.now_ns() // (20 * PERIOD_NS) % 2 else -1.0
+                sign = 1.0 if clock.now_ns() // (20 * bench.period_ns) % 2 else -1.0
                 cycle(bench, push(bench, 0.3 * sign))
                 told = any(fault.fatal for fault in bench.driver.faults())
             if not told:
@@ -325,7 +329,9 @@ class DriverContract:
         off = not bench.driver.unconfirmed and bench.commanded(0) == 0.0
         assert off or set(bench.driver.unconfirmed) == {name}
         if watchdog_s is not None:
-            bench.clock.sleep_until(bench.clock.now_ns() + round(1e9 * watchdog_s) + 2 * PERIOD_NS)
+            bench.clock.sleep_until(
+                bench.clock.now_ns() + round(1e9 * watchdog_s) + 2 * bench.period_ns
+            )
             assert bench.commanded(0) == 0.0
 
     def test_somebody_elses_words_are_no_samples_and_are_told_from_silence(
