@@ -29,7 +29,7 @@ LAWS: dict[str, Tree] = {
     "position": {"stiffness": 400.0, "damping": 5.0},
     "four_channel": {"stiffness": 400.0, "damping": 5.0},
     "position_force": {"stiffness": 400.0, "damping": 5.0},
-    "mediated": {"stiffness": 400.0, "damping": 20.0, "touch": 2.0, "stiffest": 400.0},
+    "mediated": {"stiffness": 400.0, "damping": 20.0, "touch": 5.0, "stiffest": 400.0},
 }
 EMPTY = "its energy account is empty and it let go"
 P = AccountParams(*(0.0,) * 7, share=1.0, level_damping=0.0, edge=0.0, window=100, felt=0.5)

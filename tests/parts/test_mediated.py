@@ -17,6 +17,7 @@ from tautwave.session.facts import pair_facts
 from tautwave.simulation import simulate
 from tests.lab.couplings.measure import run_coupling, stated_bound
 from tests.lab.couplings.rigs import BENCH, RIG, _between, drawn_rig
+from tests.rigs.holds import Hold
 
 WALL = 0.03
 DELAY = 0.06
@@ -48,7 +49,7 @@ def ran() -> dict[str, np.ndarray[Any, Any]]:
 def test_the_slave_finds_the_wall_and_the_master_feels_it_where_it_is() -> None:
     at = ran()
     found, wide = at["slave.lever.model_stiffness"][-1], at["slave.lever.model_interval"][-1]
-    assert abs(-found - 150.0) < 2.0 * wide < 15.0  # below, for the slave
+    assert abs(-found - 150.0) < 2.0 * wide < 20.0  # below, for the slave
     assert at["slave.lever.model_position"][-1] == pytest.approx(-WALL, abs=1e-3)
     believed = at["master.lever.model_position"][-1]
     assert believed == pytest.approx(WALL, abs=1e-3)
@@ -66,7 +67,7 @@ def test_what_the_model_holds_is_always_covered_and_in_the_books() -> None:
     assert np.max(held) > 1e-4
     assert np.min(held) == 0.0
     funds = at["lever.account_master.stored"] + held  # and the reserve
-    assert np.all(held <= np.maximum(funds + 1e-3, 1e-12))
+    assert np.all(held <= funds + 0.025 + 1e-12)
     elements = ("account_master", "account_slave", "credits", "model_master")
     absorbed = sum(at[f"lever.{name}.absorbed"] for name in elements)
     ports = at["master.lever.port_energy"] + at["slave.lever.port_energy"]
@@ -117,3 +118,34 @@ def test_the_pair_stands_apart_by_the_slaves_spring(keys: dict[str, Any], offset
     made = rig(**keys)
     facts = pair_facts(made, "lever", declared_delays(made))
     assert facts.offset_per_effort == pytest.approx(offset)
+
+
+PRESSED, AVERAGED = 0.1, 200
+"""[N m] More than friction; periods of a tenth of a second."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("wall", "delay", "encoder"),
+    [
+        ("stiff", 0.0, "1.5e-5"),
+        ("stiff", 0.1, "1.5e-5"),
+        ("soft", 0.02, "1.5e-5"),
+        ("stiff", 0.02, "coarse"),
+    ],
+)
+def test_a_first_slow_press_is_felt_as_it_is_pressed(wall: str, delay: float, encoder: str) -> None:
+    """No fit has been sure by then; without the line it was ten times too soft, and let go."""
+    run = simulate(
+        Hold("mediated account", wall, delay, encoder).rig.model_copy(update={"duration_s": 4.0}),
+        engine="python",
+    )
+    assert run.error is None
+    felt, pressed = (
+        np.abs(run[f"{side}.lever.commanded"].reshape(-1, AVERAGED).mean(axis=1))
+        for side in ("master", "slave")
+    )
+    counts = pressed > PRESSED
+    assert counts[-5:].all()
+    assert np.max(pressed[counts] / felt[counts]) < 3.0
+    assert pressed[-1] / felt[-1] < 2.5

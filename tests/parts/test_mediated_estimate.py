@@ -134,7 +134,7 @@ def test_an_observed_effort_and_a_filtered_motion_have_no_phase_between_them() -
     assert max(map(abs, off)) < 1e-9
 
 
-CONTACT = ContactParams(FitParams(0.95), touch=0.02, every=20.0, sure=0.2)
+CONTACT = ContactParams(FitParams(0.95), touch=0.02, every=20.0, sure=0.2, resolution=1e-4)
 
 
 def press(s: Contact, surface: float, stiffness: float, reach: float, noise: float = 1e-4) -> None:
@@ -150,7 +150,7 @@ def press(s: Contact, surface: float, stiffness: float, reach: float, noise: flo
 
 def test_a_surface_is_found_and_goes_where_the_device_does() -> None:
     s = Contact()
-    begin_contact(s)
+    begin_contact(s, 0.0)
     press(s, 0.08, 200.0, 0.085)
     assert s.reported == 1.0
     assert s.above.stiffness == pytest.approx(200.0, rel=0.02)
@@ -168,7 +168,7 @@ def test_a_surface_is_found_and_goes_where_the_device_does() -> None:
 def test_friction_that_was_taken_for_a_contact_does_not_soften_the_wall_behind_it() -> None:
     """0.025 above a band of 0.02 for 40 mrad, then 200: the fit begins anew at the wall."""
     s = Contact()
-    begin_contact(s)
+    begin_contact(s, 0.0)
     draw = random.Random(6)
     for k in range(2000):
         x = 0.085 * math.sin(0.5 * math.pi * k / 2000.0)
@@ -179,9 +179,29 @@ def test_friction_that_was_taken_for_a_contact_does_not_soften_the_wall_behind_i
     assert s.above.position == pytest.approx(0.06, abs=5e-4)
 
 
-def test_nothing_is_told_of_what_is_not_sure() -> None:
+def test_what_no_fit_is_sure_of_has_the_effort_that_there_is() -> None:
+    """A slow press, long before a fit is sure: the line from the last sample without contact."""
     s = Contact()
-    begin_contact(s)
-    press(s, 0.08, 200.0, 0.0802, noise=0.02)
+    begin_contact(s, 0.0)
+    for k in range(200):
+        x = 0.01 + 1e-5 * k
+        touch(CONTACT, s, x, 0.02, 200.0 * max(x - 0.01105, 0.0), 1.0)
+        felt = s.above.stiffness * max(x - s.above.position, 0.0)
+        pressed = 200.0 * max(x - 0.01105, 0.0)
+        assert s.wide_stiffness == 0.0  # no fit
+        if pressed > 2.0 * CONTACT.touch:
+            assert 0.5 * pressed <= felt <= pressed * (1.0 + 1e-9)
+    assert pressed > 0.15
+    assert 100.0 < s.above.stiffness <= 200.0
+
+
+def test_friction_that_changes_its_sign_is_no_surface() -> None:
+    """What is left of it for a moment is more than the band, and less than half as much again."""
+    s = Contact()
+    begin_contact(s, 0.0)
+    for k in range(4000):
+        x = 0.1 * math.sin(math.tau * k * T)
+        effort = 1.4 * CONTACT.touch if 0.02 < math.fmod(k * T, 0.25) < 0.05 else 0.0
+        touch(CONTACT, s, x, 0.1 * math.tau * math.cos(math.tau * k * T), effort, 1.0)
     assert s.reported == 0.0
     assert s.above.stiffness == 0.0

@@ -13,7 +13,7 @@ from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.answer import sample_gain
 from tautwave.controller.steps import Law, NoParams, SiteLaw
 from tautwave.controller.wrapping import params_with
-from tautwave.couplings.account.from_keys import account_params, quick_level
+from tautwave.couplings.account.from_keys import account_params, model_reserve, quick_level
 from tautwave.couplings.account.law import GUARDS, law_with_account
 from tautwave.couplings.account.messages import messages_with_account
 from tautwave.couplings.over_link import LINKED
@@ -56,9 +56,8 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         if bare.holding is not None:
             gain = max(gain, bare.holding.gain(given, axis.gain, axis.period))
             mine = quick_level(keys, axis)
-            # No surface is found with coarse steps. Given what they take, the slave would press on,
-            # and the hand feel nothing; without, its account is empty in seconds, and that is said.
-            axis = axis._replace(encoder_quantum=0.0)
+            if side == "master":
+                mine = model_reserve(mine, axis)
         return params_with(given, "account", account_params(mine, side, axis, gain, alone=alone))
 
     return plugin._replace(

@@ -60,6 +60,20 @@ def quick_level(keys: Account, axis: CoupledAxis) -> Account:
     return keys.model_copy(update={"level_damping": axis.inertia / (QUICK * axis.period)})
 
 
+def model_reserve(keys: Account, axis: CoupledAxis) -> Account:
+    """Return the keys with the reserve of an end that renders a model, where none is given.
+
+    It hears of a surface when it is already in it, the deeper the longer the delay, and pays for
+    pushing the hand out again: it begins with a quarter of a full tank.
+    """
+    if keys.reserve is not None:
+        return keys
+    assert axis.inertia is not None
+    kinetic = 0.5 * axis.inertia * axis.velocity_limit**2
+    full = TANK_SHARE * kinetic if keys.tank is None else keys.tank
+    return keys.model_copy(update={"reserve": max(account_reserve(keys, axis), full / FULL)})
+
+
 def level_resistance(keys: Account, axis: CoupledAxis, *, alone: bool) -> dict[str, float]:
     """Return friction and drag of a leader on its smoothed velocity, as in `AccountParams`.
 

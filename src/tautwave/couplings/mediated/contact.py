@@ -3,7 +3,9 @@
 A contact begins where the effort from outside leaves a band, on the side from which it pushes, and
 ends at half of it. While it lasts a fit learns, and begins anew where a sample is off what it
 expects by more than that band. What it has found counts once the interval of its stiffness is
-narrow. A surface beyond which the device stands untouched was moved: it goes along.
+narrow. Until then, where what is known explains less than half of the effort, the surface is the
+line from the last sample before the contact to the newest one: it has the effort that there is. A
+surface beyond which the device stands untouched was moved: it goes along.
 """
 
 from __future__ import annotations
@@ -19,17 +21,24 @@ STIFFEST = 30000.0
 """What counts as rigid [N m/rad or N/m]: a packet has no room for more."""
 
 
+FELT = 1.5
+"""Times `touch`, from which on an effort is a contact's without a fit: friction that changes its
+sign shows twice the Coulomb friction for a moment."""
+
+
 class ContactParams(NamedTuple):
     """Constants of what is learned at one device.
 
     touch [N m or N]: effort at which a contact begins; every: periods from one sample of the fit to
-    the next; sure: greatest half-width of the stiffness' interval over it [1].
+    the next; sure: greatest half-width of the stiffness' interval over it [1]; resolution: what two
+    positions may be off by encoder step and noise [rad or m].
     """
 
     fit: FitParams
     touch: float
     every: float
     sure: float
+    resolution: float
 
 
 @dataclass(slots=True)
@@ -47,7 +56,8 @@ class Contact:
 
     `origin` [rad or m] where it began, `waited` periods since the last sample of the fit;
     `reported`: the side of which something was found last; half-widths of the intervals of
-    stiffness, damping and of the surface's position.
+    stiffness, damping and of the surface's position. `place`, `effort`: last sample without any
+    contact; `doubted`: no fit has been sure since it began.
     """
 
     side: float = 0.0
@@ -57,6 +67,9 @@ class Contact:
     wide_stiffness: float = 0.0
     wide_damping: float = 0.0
     wide_position: float = 0.0
+    place: float = 0.0
+    effort: float = 0.0
+    doubted: bool = True
     fit: Fit = field(default_factory=Fit)
     above: Surface = field(default_factory=Surface)
     below: Surface = field(default_factory=Surface)
@@ -69,8 +82,11 @@ def clear(s: Surface) -> None:
     s.position = 0.0
 
 
-def begin_contact(s: Contact) -> None:
-    """Know nothing, touch nothing."""
+def begin_contact(s: Contact, x: float) -> None:
+    """Know nothing, touch nothing, at a position [rad or m]."""
+    s.place = x
+    s.effort = 0.0
+    s.doubted = True
     s.side = 0.0
     s.origin = 0.0
     s.waited = 0.0
@@ -101,9 +117,26 @@ def take_fit(p: ContactParams, s: Contact, surface: Surface) -> None:
     s.wide_damping = half_width(fit, fit.c22)
     s.wide_position = half_width(fit, surface_variance(fit))
     s.reported = s.side
+    s.doubted = False
     surface.stiffness = clamp(stiffness, STIFFEST)
     surface.damping = fit.damping if fit.damping > 0.0 else 0.0
     surface.position = s.origin - fit.offset / stiffness
+
+
+def take_secant(p: ContactParams, s: Contact, surface: Surface, x: float, effort: float) -> None:
+    """Make a surface the line from where nothing was touched to here, if it is known too soft."""
+    known = s.side * surface.stiffness * (x - surface.position)
+    if s.side * effort < FELT * p.touch or 2.0 * known > s.side * effort:
+        return
+    rise = s.side * (effort - s.effort)
+    way = s.side * (x - s.place) + p.resolution
+    if rise <= 0.0 or way <= 0.0:
+        return
+    stiffness = clamp(rise / way, STIFFEST)
+    s.reported = s.side
+    surface.stiffness = stiffness
+    surface.damping = 0.0
+    surface.position = x - effort / stiffness
 
 
 def leave_behind(p: ContactParams, s: Contact, surface: Surface, side: float, x: float) -> None:
@@ -137,12 +170,19 @@ def touch(p: ContactParams, s: Contact, x: float, v: float, effort: float, perio
         else:
             leave_behind(p, s, s.above, 1.0, x)
             leave_behind(p, s, s.below, -1.0, x)
+            if math.fabs(effort) < 0.5 * p.touch:
+                s.place = x
+                s.effort = effort
             return
         s.waited = 0.0
-        return
     if s.side * effort < 0.5 * p.touch:
         s.side = 0.0
         return
+    if s.doubted:
+        if s.side > 0.0:
+            take_secant(p, s, s.above, x, effort)
+        else:
+            take_secant(p, s, s.below, x, effort)
     if s.waited < p.every:
         return
     s.waited = 0.0
@@ -151,6 +191,7 @@ def touch(p: ContactParams, s: Contact, x: float, v: float, effort: float, perio
     strange = fit.weight > 0.0 and math.fabs(effort - expected) > p.touch
     if strange or fit.p33 >= WIDE:
         s.origin = x
+        s.doubted = True
         begin_fit(fit)
     if learn(p.fit, s.fit, x - s.origin, v, effort):
         if s.side > 0.0:

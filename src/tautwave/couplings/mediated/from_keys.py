@@ -19,6 +19,14 @@ APART = 5.0
 """Memories 1 / (1 - p) of the filter from one sample of the fit to the next: three low-passes then
 keep a tenth of white noise."""
 
+PRESSES = 3.0
+"""Times `touch`, which a slave in contact presses with whatever the master renders: enough to learn
+from, twice what begins a first estimate (`contact.FELT`)."""
+
+LEAD = 1.5
+"""Times what the master renders, which it presses with beyond that. More than 1, so that it does
+not get stuck on a friction that it takes for a contact."""
+
 STEADY = 2.0
 """Rendered damping over what a spring on a device without friction needs: K T (1/2 + n)."""
 
@@ -41,6 +49,7 @@ def end_constants(pair: MediatedPair, side: str, axis: CoupledAxis) -> MediatedE
     pole = outside.observer.pole
     every = math.ceil(APART / (1.0 - pole))
     stiffest = chosen(pair, "stiffest")
+    press = PRESSES * chosen(pair, "touch")
     scale = pair.position_scale
     late = axis.delay + (1 if axis.late > 0.0 else 0)
     span = STEADY * axis.period * (0.5 + late)
@@ -50,6 +59,8 @@ def end_constants(pair: MediatedPair, side: str, axis: CoupledAxis) -> MediatedE
         stiffness=pair.in_device_units(side, chosen(pair, "stiffness")) if follows else 0.0,
         damping=pair.in_device_units(side, chosen(pair, "damping")) if follows else 0.0,
         force=pair.force_gain if follows else 0.0,
+        press=press if follows else press / pair.effective_force_scale,
+        lead=LEAD,
         read_stiffness=scale,
         read_damping=pair.sign * scale * scale / pair.effective_force_scale,
         stiffest=pair.in_device_units(side, stiffest),
@@ -60,6 +71,7 @@ def end_constants(pair: MediatedPair, side: str, axis: CoupledAxis) -> MediatedE
             touch=chosen(pair, "touch"),
             every=every,
             sure=pair.sure,
+            resolution=axis.encoder_quantum + 2.0 * axis.position_noise,
         ),
         model=ModelParams(
             share=-math.expm1(-axis.period / pair.adopt_s), span=span, most=span * stiffest

@@ -16,7 +16,8 @@ from tautwave.laws.observer import ReactionParams
 class MediatedEndParams(NamedTuple):
     """Constants of one end.
 
-    stiffness, damping [N m/rad, N m s/rad or N/m, N s/m], force [1]: how it follows; follows,
+    stiffness, damping [N m/rad, N m s/rad or N/m, N s/m], force [1]: how it follows; press [N m or
+    N], lead [1]: in contact it presses with that and that share of what is rendered; follows,
     measures; read_stiffness, read_damping [1]: what the far side's are here, of the numbers that
     come; greatest [N m/rad or N/m], of the stiffness that it renders.
     """
@@ -26,6 +27,8 @@ class MediatedEndParams(NamedTuple):
     stiffness: float
     damping: float
     force: float
+    press: float
+    lead: float
     read_stiffness: float
     read_damping: float
     stiffest: float

@@ -4,6 +4,9 @@ The slave follows where it sees the master, and presses with what the master ren
 
     R = K (x - x_far) + B (v - v_far) - g F_far.
 
+In contact it presses with a little more than the master renders at most: what the hand feels may be
+too soft, as the surface is not known yet or the account does not cover it, but not by much.
+
 It learns the surface that it touches, and shows that in the place of its own motion: position of
 the surface, its damping, its stiffness with the sign of its side. The master renders the surfaces
 that it has heard of.
@@ -37,7 +40,7 @@ def begin(s: AxisState) -> None:
     begin_filter(e.place, s.position)
     begin_slope(e.speed)
     begin_filter(e.force, 0.0)
-    begin_contact(e.contact)
+    begin_contact(e.contact, s.position)
     clear(e.above)
     clear(e.below)
     e.paid = 0.0
@@ -153,6 +156,14 @@ def held(s: AxisState) -> float:
     return stored_in(s.end.above, 1.0, s.position) + stored_in(s.end.below, -1.0, s.position)
 
 
+def presses(e: MediatedEnd, effort: float) -> bool:
+    """Return whether a resisting effort presses a slave into what it touches, or knows of there."""
+    c = e.contact
+    if effort < 0.0:
+        return c.side > 0.0 or depth_in(c.above, 1.0, e.far_position) > 0.0
+    return c.side < 0.0 or depth_in(c.below, -1.0, e.far_position) > 0.0
+
+
 def effort(s: AxisState, p: AxisParams, coast: float) -> float:
     """Return the resisting effort: of following, or of the model [N m or N]."""
     e = s.end
@@ -161,6 +172,8 @@ def effort(s: AxisState, p: AxisParams, coast: float) -> float:
         asked: float = k.stiffness * (s.position - e.far_position)
         asked += k.damping * (s.velocity - e.far_velocity)
         asked -= k.force * e.far_effort
+        if presses(e, asked):
+            return clamp(asked, k.press + k.lead * math.fabs(e.far_effort))
         return asked
     push: float = push_of(k.model, e.above, 1.0, s.position, s.velocity)
     return push + push_of(k.model, e.below, -1.0, s.position, s.velocity)
@@ -169,14 +182,15 @@ def effort(s: AxisState, p: AxisParams, coast: float) -> float:
 def whole(s: AxisState, p: AxisParams, effort: float) -> float:
     """Return the resisting effort of the surfaces that are known, whoever pays for them [N m or N].
 
-    A follower's, `effort`, needs no cover.
+    No more than the slave may press with, given `effort`. A follower's, `effort`, needs no cover.
     """
     if p.end.follows:
         return effort
     k = p.end
     c = s.end.contact
     push: float = push_of(k.model, c.above, 1.0, s.position, s.velocity)
-    return push + push_of(k.model, c.below, -1.0, s.position, s.velocity)
+    push += push_of(k.model, c.below, -1.0, s.position, s.velocity)
+    return clamp(push, k.press + k.lead * math.fabs(effort))
 
 
 def gain(end: MediatedEndParams, tracker: float, period: float) -> float:
