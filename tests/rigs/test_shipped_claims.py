@@ -8,7 +8,7 @@ import pytest
 
 from tautwave.config import load_rig
 from tautwave.rig import command_delays, coupling_part, watchdogs
-from tautwave.session.facts import claims_of
+from tautwave.session.claims import claims_of
 from tests.certificate.rigs import CONFIGS
 
 RIGS = sorted(path for path in CONFIGS.glob("*.yaml") if "law: wave" in path.read_text())

@@ -112,8 +112,9 @@ class Claim(NamedTuple):
         driven = 0.5 * self.effort * time * time / self.mass
         feigned = 2.0 * periods * self.sample_error
         reach = min(self.velocity * time + driven + feigned, self.travel + 2.0 * self.sample_error)
-        pressed = 0.5 * self.spring * min(self.velocity * time, self.travel) ** 2
-        return self.effort * reach + pressed
+        if self.spring == 0.0:  # also where nothing bounds the velocity
+            return self.effort * reach
+        return self.effort * reach + 0.5 * self.spring * min(self.velocity * time, self.travel) ** 2
 
     @property
     def under_way(self) -> float:
@@ -150,11 +151,15 @@ class Claim(NamedTuple):
         return self.held(self.late + watchdog_s / self.period)
 
     def safe_gap(self) -> float:
-        """Return the longest gap between samples that gives no more than `kinetic` [s]."""
+        """Return the longest gap between samples that gives no more than `kinetic` [s].
+
+        0 where nothing bounds either.
+        """
         low, high = 0, max(0, math.floor(self.blind - self.late))
         while low < high:
             middle = (low + high + 1) // 2
-            if self._paid.held(self.late + middle) <= self.kinetic:
+            given = self._paid.held(self.late + middle)
+            if given <= self.kinetic and given < math.inf:
                 low = middle
             else:
                 high = middle - 1

@@ -56,12 +56,8 @@ def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
             f"it may supply {joules(once)} at once while the host is prompt, {short(once / most)} "
             f"times the {joules(most)} that it has at its velocity limit; {less_at_once(claim)}"
         )
-    if stall > STALL_REFUSED * most:
-        return Judged(
-            f"in one stall of {_ms(claim.gap)} it may supply {joules(stall)}, "
-            f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit; "
-            f"{shorter_stall(rig, axis_name, claim)}"
-        )
+    if refusal := stall_refusal(rig, axis_name, claim):
+        return Judged(refusal)
     found = []
     if prompt > PROMPT_PASSES * most:
         found.append(
@@ -77,6 +73,28 @@ def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
             f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit)"
         )
     return Judged(conditions=tuple(found))
+
+
+def stall_refusal(rig: Rig, axis_name: str, claim: Claim) -> str:
+    """Return why what an axis may supply in a stall is too much for any condition; "" if not.
+
+    An axis without a velocity limit has no kinetic energy to compare: it is not refused.
+    """
+    most, stall = claim.kinetic, claim.let_go
+    if math.isinf(most) or not stall > STALL_REFUSED * most > 0.0:
+        return ""
+    return (
+        f"in one stall of {_ms(claim.gap)} it may supply {joules(stall)}, "
+        f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit; "
+        f"{shorter_stall(rig, axis_name, claim)}"
+    )
+
+
+def stall_state(rig: Rig, axis_name: str, claim: Claim) -> str:
+    """Return the verdict on what an axis may supply in a stall, as `Judged.state`."""
+    if stall_refusal(rig, axis_name, claim):
+        return "refused"
+    return "passed" if claim.let_go <= STALL_PASSES * claim.kinetic else "conditional"
 
 
 def prompt_cause(claim: Claim, seconds: float) -> str:

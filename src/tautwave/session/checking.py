@@ -11,11 +11,10 @@ from tautwave.errors import BusBudgetError, NotCertifiedError
 from tautwave.registry import load_driver, require_modules
 from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_delays
 from tautwave.rig.claim_verdict import bound_hints, claim_hints
+from tautwave.session.claims import PortClaim, claims_of
 from tautwave.session.facts import (
-    PortClaim,
     allowance_rows,
     axis_rows,
-    claims_of,
     count_words,
     coupling_messages,
     load_facts,
@@ -176,9 +175,11 @@ def check(rig: Rig, *, simulate: Simulate = (), brief: bool = False) -> CheckRes
     scales = scales_of(rig)
     too_slow = over_budget(rig, budgets)
     failures = not_certified(certificate)
+    claims = [claims_of(rig, delays, certificate["elements"])]
     for at_scale in scales:
-        found = not_certified(certify(at_scale, brief=True).as_dict())
-        failures += [f"{at_scale.name}: {sentence}" for sentence in found]
+        scaled = certify(at_scale, brief=True).as_dict()
+        failures += [f"{at_scale.name}: {sentence}" for sentence in not_certified(scaled)]
+        claims.append(claims_of(at_scale, delays, scaled["elements"]))
     exit_code = NotCertifiedError.exit_code if failures else 0
     if too_slow:
         exit_code = BusBudgetError.exit_code
@@ -192,7 +193,7 @@ def check(rig: Rig, *, simulate: Simulate = (), brief: bool = False) -> CheckRes
         exit_code,
         pair_rows(rig, delays),
         axis_rows(rig),
-        _greatest([claims_of(one, delays) for one in (rig, *scales)]),
+        _greatest(claims),
         allowance_rows(rig, delays),
         [*too_slow, *failures],
     )

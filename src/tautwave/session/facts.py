@@ -15,7 +15,6 @@ from tautwave.registry import load_named
 from tautwave.rig import (
     allowances,
     coupling_part,
-    kinetic_energy,
     one_way_delay,
     pair_scale,
     watchdogs,
@@ -62,55 +61,6 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
     standing = coupling_messages(rig).standing(rig, name, delays, tau)
     power = pair_scale(rig.coupling.pairs[name]).power
     return PairFacts(tau, standing.offset, power, standing.held_share)
-
-
-class PortClaim(NamedTuple):
-    """What is stated of a port before a run, and the verdict on it.
-
-    `claim_j` is what it may supply in the run, `kinetic_j` the energy at its velocity limit [J]:
-    the claim is inf where nothing bounds it, the other None of an axis without either. `stated`
-    has the parts of a law that tells them, `judged` `passed`, `conditional` or `refused`.
-    """
-
-    axis: str
-    claim_j: float
-    kinetic_j: float | None
-    stated: Stated | None = None
-    judged: str = ""
-
-    @property
-    def ratio(self) -> float | None:
-        """Claim over kinetic energy."""
-        return self.claim_j / self.kinetic_j if self.kinetic_j else None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the numbers as data for JSON, which has no infinity."""
-        found = {"claim_j": self.claim_j, "kinetic_j": self.kinetic_j, "ratio": self.ratio}
-        if self.stated is not None:
-            found = {**self.stated._asdict(), **found}
-        kept = {key: None if value == math.inf else value for key, value in found.items()}
-        return kept | ({"judged": self.judged} if self.judged else {})
-
-
-def claims_of(rig: Rig, delays: dict[str, CommandDelay]) -> list[PortClaim]:
-    """Return the claim of every port; none for a law that claims nothing beforehand."""
-    found, watched = [], watchdogs(rig)
-    for name in rig.coupling.pairs:
-        stated = stated_claims(rig, name, delays, watched)
-        for side, joules in port_claims(rig, name, delays).get("claim_j", {}).items():
-            axis_name = f"{side}.{name}"
-            kinetic = kinetic_energy(rig, axis_name)
-            one = stated.get(axis_name)
-            found.append(
-                PortClaim(
-                    axis_name,
-                    joules,
-                    None if math.isinf(kinetic) else kinetic,
-                    None if one is None else one[0],
-                    "" if one is None else one[1],
-                )
-            )
-    return sorted(found, key=lambda claim: list(rig.axes).index(claim.axis))
 
 
 def stated_claims(

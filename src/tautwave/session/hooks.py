@@ -10,6 +10,7 @@ from tautwave import registry
 from tautwave.config import Rig
 from tautwave.config.keys.control import SCENE
 from tautwave.rig import BusWay
+from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:
     from tautwave.rig import Assembly
@@ -41,6 +42,9 @@ class SessionHooks(Protocol):
 
     def facts(self, rig: Rig) -> list[tuple[str, str]]:
         """Return what `check` says of it beside the certificate."""
+
+    def prompt_claim(self, rig: Rig, delays: Mapping[str, CommandDelay]) -> float:
+        """Return what all its ports may supply together before a run has stopped [J]; inf: all."""
 
     def choose_engine(self, rig: Rig, clock: str, ways: Mapping[str, BusWay]) -> Engine:
         """Return the engine that keeps the rate.

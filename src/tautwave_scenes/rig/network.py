@@ -299,15 +299,18 @@ def hold_limit(rig: Rig, names: Sequence[str]) -> float:
 def hold_claim(rig: Rig, names: Sequence[str], delays: Mapping[str, CommandDelay]) -> float:
     """Return the most that held efforts give before a run has stopped [J]; inf without limits.
 
-    That is `hold_limit`, and what the effort that acts until the stop does at the velocity limit:
-    for a period and the command delay, and while its rate limit takes it down.
+    That is `hold_limit`, and what the efforts that act until the stop do: one in a period and in
+    each of the command delay, then the last one while its rate limit takes it down. Each works over
+    the way at the velocity limit, and over no more than from one end stop to the other.
     """
     claim = hold_limit(rig, names)
     for name in (f"master.{name}" for name in names):
         has, delay = axis_allowance(rig, name, delays[name]), delays[name]
-        until = rig.period_s * (1 + delay.periods) + delay.remainder_s
-        until += 0.5 * has.shared_effort / has.shared_rate
-        claim += has.shared_effort * has.velocity * until
+        stops = math.inf if has.mechanical_range is None else has.mechanical_range
+        ramp = 0.5 * has.shared_effort / has.shared_rate
+        for held in (*[rig.period_s] * (1 + delay.periods), delay.remainder_s, ramp):
+            way = min(has.velocity * held, stops) if held > 0.0 else 0.0
+            claim += has.shared_effort * way
     return claim
 
 

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from tautwave.config import Rig
 from tautwave.rig import Assembly
+from tautwave.types import CommandDelay
 from tautwave_scenes.config.keys import Scene
+from tautwave_scenes.rig.network import hold_claim, keys_of, scheme_choice
 from tautwave_scenes.rig.network import keep_sounds as keep_files
-from tautwave_scenes.rig.network import keys_of, scheme_choice
 from tautwave_scenes.runtime.axes import SceneControl
 from tautwave_scenes.session.pace import choose_engine, hold_fact, pace_fact, use_engine
 from tautwave_scenes.session.plan import plan
 
-__all__ = ["choose_engine", "facts", "keep_files", "plan", "summary", "use_engine", "words"]
+__all__ = [
+    "choose_engine",
+    "facts",
+    "keep_files",
+    "plan",
+    "prompt_claim",
+    "summary",
+    "use_engine",
+    "words",
+]
 
 
 def words(rig: Rig) -> str:
@@ -28,6 +39,11 @@ def words(rig: Rig) -> str:
 def facts(rig: Rig) -> list[tuple[str, str]]:
     """Return the cost of a cycle, and the bound on the energy of held efforts."""
     return [("scene time", pace_fact(rig)), ("scene limit", hold_fact(rig))]
+
+
+def prompt_claim(rig: Rig, delays: Mapping[str, CommandDelay]) -> float:
+    """Return the most that the held efforts of all ports give before a run has stopped [J]."""
+    return hold_claim(rig, [name.partition(".")[2] for name in rig.axes], delays)
 
 
 def summary(assembly: Assembly, engine: str) -> dict[str, Any]:

@@ -215,8 +215,11 @@ def hold_fact(rig: Rig) -> str:
     limit, claim = hold_limit(rig, names), hold_claim(rig, names, delays)
     text = f"the run stops once the effort hold has created {limit:.3g} J"
     if math.isfinite(claim):
-        return f"{text}; until it has, at most {claim:.3g} J at the effort and velocity limits"
-    return f"{text}; without velocity_limit, the energy a faster hand gets until then is unbounded"
+        return f"{text}; until it has, at most {claim:.3g} J at the limits of its axes"
+    return (
+        f"{text}; without velocity_limit or mechanical_range, the energy a faster hand gets until "
+        "then is unbounded"
+    )
 
 
 def _remedy(rig: Rig, pace: ScenePace) -> str:

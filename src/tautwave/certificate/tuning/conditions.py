@@ -11,7 +11,7 @@ from tautwave.certificate.belief import SIDES, assumed
 from tautwave.certificate.tuning.two_port import Tuning
 from tautwave.config import Rig, local_wall
 from tautwave.rig import axis_allowance, axis_claim, pair_clip, pair_scale
-from tautwave.rig.claim_verdict import STALL_PASSES, STALL_REFUSED, shorter_stall
+from tautwave.rig.claim_verdict import STALL_PASSES
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -58,8 +58,6 @@ def _of_gaps(rig: Rig, name: str, delay: CommandDelay) -> Iterator[str]:
         f" (it may supply {joules(stall)} in one of {1e3 * claim.gap:.4g} ms, "
         f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit)"
     )
-    if stall > STALL_REFUSED * most:
-        said += f"; {shorter_stall(rig, name, claim)}"
     yield said
 
 

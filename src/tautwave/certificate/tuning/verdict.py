@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from tautwave.analysis.claim import joules
 from tautwave.certificate.belief import SIDES, broken_damping
@@ -15,7 +15,8 @@ from tautwave.certificate.tuning.conditions import (
 )
 from tautwave.certificate.tuning.two_port import Tuning, coupling_damping, tuning
 from tautwave.config import Rig, local_wall
-from tautwave.rig import axis_allowance, coupling_law, pair_clip
+from tautwave.rig import axis_allowance, axis_claim, coupling_law, pair_clip
+from tautwave.rig.claim_verdict import stall_refusal
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -46,6 +47,8 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     broken = [f"{name}, {why}" for name in names if (why := broken_damping(rig, name)) is not None]
     if broken:
         verdict = Verdict(False, f"{head}: {broken[0]}", margin=margin)
+    elif refused := _refused(rig, names, delays):
+        verdict = Verdict(False, f"{head}: {refused}", margin=margin)
     elif not clipped and found.short > 0.0:
         verdict = Verdict(False, f"{text} {remedy}", margin=margin)
     elif not clipped and found.hears and (beside := _beside(rig, pair)) is not None:
@@ -61,6 +64,7 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
         conditions = list(conditions_of(rig, pair, delays, found))
         engaging = engagement_joules(rig, pair, found.stiffness, delays)
         if math.isinf(engaging):
+            numbers["engage_j"] = None
             conditions.append(
                 f"the ends of {pair} are not moved apart while it engages; with velocity limits "
                 "and engage_tolerance the energy that this supplies could be bounded"
@@ -75,6 +79,14 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
             False, f"{head}: no proof covers its limit cycles caused by encoder steps."
         )
     return Element(head, "coupling", pair, verdict, quantised, numbers, (verdict.reason,))
+
+
+def _refused(rig: Rig, names: Sequence[str], delays: Delays) -> str:
+    """Return why an end may supply too much in a stall to depend on there being none; "" if not."""
+    refusals = (
+        (name, stall_refusal(rig, name, axis_claim(rig, name, delays[name]))) for name in names
+    )
+    return next((f"at {name}, {refusal}" for name, refusal in refusals if refusal), "")
 
 
 def _uncovered(rig: Rig) -> str | None:
