@@ -46,9 +46,9 @@ def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
         assert command[1:3] == ["-m", "tautwave.report"]
         directory = Path(command[3])
         run = load_run(directory)
-        run.summary = complete_summary(run)
-        run.summary = recheck_run(run)
-        run.summary = with_warnings(run)
+        run.result = complete_summary(run)
+        run.result = recheck_run(run)
+        run.result = with_warnings(run)
         write_summary(run)
         return SimpleNamespace(returncode=0, stderr="")
 

@@ -15,6 +15,7 @@ import tautwave
 import tautwave.session.facts  # beneath a stub of the session there is no package to find it in
 from tautwave.cli import main
 from tautwave.contracts import Budget
+from tautwave.summary import summary_of
 
 SUMMARY: dict[str, Any] = {
     "outcome": {"kind": "finished", "sentence": "Ran for the 2 s asked for."},
@@ -65,7 +66,9 @@ class Backend:
             arguments["warn"](sentence)
         (arguments["out"] / "summary.json").write_text("{}")
         return SimpleNamespace(
-            summary=self.summary, directory=arguments["out"], exit_code=self.exit_code
+            summary=summary_of(self.summary)[0],
+            directory=arguments["out"],
+            exit_code=self.exit_code,
         )
 
     def describe_ways(self, rig: Any, **asked: Any) -> list[str]:

@@ -47,7 +47,7 @@ import sys, pathlib
 from tautwave.report.run.complete import complete_summary, write_summary
 from tautwave.report.run.loading import load_run
 run = load_run(pathlib.Path(sys.argv[1]))
-run.summary = complete_summary(run)
+run.result = complete_summary(run)
 write_summary(run)
 '''"""
 SLOW = "CHILD = 'import time; time.sleep(60)'"

@@ -13,6 +13,7 @@ from tautwave.cli import main
 from tautwave.errors import ConfigError
 from tautwave.report.against import compare_recording
 from tautwave.report.run.rundir import Run
+from tautwave.summary import Summary
 
 T = 1e-3 * np.arange(1500)
 X, Y = np.sin(7.0 * T), 0.9 * np.sin(7.0 * T - 0.1)
@@ -34,7 +35,7 @@ def run() -> Run:
     rig = {"coupling": {"pairs": {"lever": {"sign": -1, "position_scale": 0.5}}}}
     rig |= {side: {"axes": {"lever": {"kind": "rotary"}}} for side in ("master", "slave")}
     whole = Columns(columns)
-    return Run(Path("out"), rig, "", {}, tuple(columns), len(T), whole=whole, time=T)  # type: ignore[arg-type]
+    return Run(Path("out"), rig, "", Summary(), tuple(columns), len(T), whole=whole, time=T)  # type: ignore[arg-type]
 
 
 def csv(path: Path, **columns: np.ndarray) -> Path:

@@ -23,8 +23,10 @@ from tautwave.report.run.tables import claim_table
 from tautwave.report.run.verdicts import verdicts
 from tautwave.rig import command_delays
 from tautwave.session.reporting import final_code
+from tautwave.summary import summary_of
 from tautwave.summary.model import Motors
 from tests.certificate.rigs import rig
+from tests.report.rows_of import put
 
 ROWS = 2000
 CLAIM = 0.02
@@ -50,8 +52,8 @@ def run(given: float, way: float, claim: float | None = CLAIM, **more: float) ->
     }
     pairs = {"lever": {} if claim is None else {"claim_j": {"master": claim, "slave": claim}}}
     return Run(
-        Path(), KEYS, "", {"pairs": pairs, "certificate": {"passed": False}}, tuple(columns), ROWS,
-        whole=columns, time=np.arange(ROWS) / 2000.0,
+        Path(), KEYS, "", summary_of({"pairs": pairs, "certificate": {"passed": False}})[0],
+        tuple(columns), ROWS, whole=columns, time=np.arange(ROWS) / 2000.0,
     )  # fmt: skip
 
 
@@ -68,33 +70,35 @@ def test_a_kept_claim_needs_no_words() -> None:
 
 def test_beyond_the_claim_exits_three_with_both_numbers() -> None:
     found = run(0.05, 1e-4)
-    after = recheck_run(found)["certificate"]["after_run"]
-    assert after["invalidated"]  # though nothing was certified
+    after = recheck_run(found).certificate.after_run
+    assert after.invalidated  # though nothing was certified
     assert final_code(0, invalidated=True, incomplete=False) == 3
-    assert "supplied 50\u202fmJ, more than its claim of 20\u202fmJ" in after["sentences"][0]
-    assert after["ends"]["master.lever"]["given_j"] == pytest.approx(0.05)
+    assert "supplied 50\u202fmJ, more than its claim of 20\u202fmJ" in after.sentences[0]
+    assert after.ends["master.lever"].given_j == pytest.approx(0.05)
 
 
 def test_a_blow_is_reported_and_is_no_part_of_the_claim() -> None:
     """Beyond the limit of 3 rad/s and all that the motor can have made of it in a period."""
     found = run(0.05, 6.0 / 2000.0)
-    found.summary = recheck_run(found)
-    after = found.summary["certificate"]["after_run"]
-    assert not after["invalidated"]
+    found.result = recheck_run(found)
+    after = found.result.certificate.after_run
+    assert not after.invalidated
     assert (
         "50\u202fmJ of it in an impact beyond its velocity limit; its claim is 20\u202fmJ"
-        in after["notes"][0]
+        in after.notes[0]
     )
-    assert after["notes"][0] in verdicts(found)[-1].sentences
+    assert after.notes[0] in verdicts(found)[-1].sentences
     assert only(run(0.05, 3.2 / 2000.0)).blow == 0.0  # its motor may have driven it
 
 
 def reported(given: float, way: float, true: float | None = 0.03) -> Run:
     """Return a judged run, its claim of true energy as the certificate has it."""
     found = run(given, way)
-    found.summary["certificate"]["elements"] = {"master.lever port": {"true_j": true}}
-    found.summary["energy_j"] = {"motors_net": given, "gross_flow": 1.0, "residual": 0.0}
-    found.summary = recheck_run(found)
+    put(found, {
+        "certificate": {"elements": {"master.lever port": {"true_j": true}}},
+        "energy_j": {"motors_net": given, "gross_flow": 1.0, "residual": 0.0},
+    })  # fmt: skip
+    found.result = recheck_run(found)
     return found
 
 
@@ -163,7 +167,7 @@ def test_claims_grow_with_the_time_that_a_run_takes() -> None:
 def test_noise_beyond_the_declared_is_reported(times: float, reported: bool) -> None:
     """Whatever the lever does meanwhile: here it moves at 2 rad/s."""
     found = run(0.0, 1e-3, deviation=times * 9e-5)
-    notes = recheck_run(found)["certificate"]["after_run"]["notes"]
+    notes = recheck_run(found).certificate.after_run.notes
     said = [note for note in notes if "times the declared (position_noise 9e-05)" in note]
     assert bool(said) == reported
     assert all(note.startswith("master.lever: its position noise is") for note in said)
@@ -231,7 +235,7 @@ def test_lost_samples_are_no_noise() -> None:
     columns: Any = found.whole
     columns["master.lever.valid"][::40] = 0.0
     columns["master.lever.position"][::40] = np.nan
-    assert not [note for note in recheck_run(found)["certificate"]["after_run"]["notes"]
+    assert not [note for note in recheck_run(found).certificate.after_run.notes
                 if "times the declared" in note]  # fmt: skip
 
 
@@ -243,7 +247,7 @@ def stalling(seconds: int, given: float, leak: float = 1e-3) -> Run:
     columns: Any = dict(found.whole or {})
     columns["lever.port_master.absorbed"] = taken
     port = {"master.lever port": {"reserve_j": 0.01, "leak_w": leak}}
-    found.summary["certificate"]["elements"] = port
+    put(found, {"certificate": {"elements": port}})
     found.whole, found.time = columns, time
     return found
 
@@ -281,7 +285,7 @@ def stalled(given: float, slots: int, stated: Stated = STATED) -> Run:
     """Return a run with one gap of so many slots of 0.5 ms."""
     found = run(given, 1e-4)
     found.whole["skipped_slots"][ROWS // 2] = slots - 1
-    found.summary["pairs"]["lever"]["claims"] = {"master": stated._asdict()}
+    put(found, {"pairs": {"lever": {"claims": {"master": stated._asdict()}}}})
     return found
 
 
@@ -304,9 +308,9 @@ def test_the_longest_gap_judges_the_condition_on_the_host(
     end = only(found)
     assert (end.passed, end.stalled) == (passed, slots == 20)
     assert said in end.sentence if said else end.sentence == ""
-    after = recheck_run(found)["certificate"]["after_run"]
-    assert after["invalidated"] is not passed
-    assert after["ends"]["master.lever"]["gap_s"] == pytest.approx(slots / 2000.0)
+    after = recheck_run(found).certificate.after_run
+    assert after.invalidated is not passed
+    assert after.ends["master.lever"].gap_s == pytest.approx(slots / 2000.0)
 
 
 def test_a_claim_that_passes_assumes_nothing_of_gaps() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from tautwave.report.joined import joined_page, joined_summary
 from tautwave.report.run.rundir import Run
+from tautwave.summary import summary_of
 
 ROWS = 100
 RISE = np.linspace(0.0, 1.0, ROWS)
@@ -28,7 +29,7 @@ def site(side: str, booked: float, true: float, ratio: float = 1.0, simulated: b
         columns[f"plant.{side}.lever.motor_work"] = -true * RISE * ratio
     rig: Any = {"name": "two", "sites": {"here": side}, "coupling": {"pairs": {"lever": {}}}}
     summary: Any = {"pairs": {"lever": {"power_ratio": ratio, "motors": {"worst": -booked}}}}
-    return Run(Path(side), rig, "", summary, tuple(columns), ROWS, whole=columns)
+    return Run(Path(side), rig, "", summary_of(summary)[0], tuple(columns), ROWS, whole=columns)
 
 
 def shown(master: Run, slave: Run, folder: Path) -> tuple[dict[str, Any], str]:

@@ -249,7 +249,7 @@ def test_shipped_rigs_generate_nothing_and_need_no_warning(path: Path) -> None:
     delays = declared_delays(rig)
     facts = {pair: pair_facts(rig, pair, delays)._asdict() for pair in rig.coupling.pairs}
     run = run_of(rig, rows, {"pairs": facts, "duration_s": rig.duration_s})
-    run.summary = complete_summary(run)
+    run.result = complete_summary(run)
     found = list(judged_of(run, rig))
     assert found or coupling_part(rig).claim
     assert all(one.passed for one in found) or rig.require == "coupled_stable"

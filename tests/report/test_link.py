@@ -16,6 +16,8 @@ from tautwave.report.motors import stated_debt
 from tautwave.report.run.after_run import recheck_run
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import verdicts
+from tautwave.summary import Summary, summary_of
+from tests.report.rows_of import put
 
 ROWS = 1000
 KEYS: dict[str, Any] = {
@@ -53,10 +55,11 @@ def run(least: float = 0.0, network: float = 0.0, **columns: Any) -> Run:
         },
     }  # fmt: skip
     found = Run(
-        Path(), KEYS, "", {"pairs": {"lever": pair}, "certificate": {"passed": True}},
+        Path(), KEYS, "",
+        summary_of({"pairs": {"lever": pair}, "certificate": {"passed": True}})[0],
         tuple(whole), ROWS, whole=whole, time=at,
     )  # fmt: skip
-    pair["link"] = link_figures(found, "lever")
+    put(found, {"pairs": {"lever": {"link": link_figures(found, "lever")}}})
     return found
 
 
@@ -80,7 +83,9 @@ def test_sentences_compare_the_delay_with_what_was_expected() -> None:
 
 
 def test_without_a_network_there_is_none() -> None:
-    bare = Run(Path(), {}, "", {}, ("skipped_slots",), 1, whole={"skipped_slots": np.zeros(1)})
+    bare = Run(
+        Path(), {}, "", Summary(), ("skipped_slots",), 1, whole={"skipped_slots": np.zeros(1)}
+    )
     assert link_sentences(bare) == ([], False)
 
 
@@ -95,9 +100,9 @@ def test_a_quantum_beyond_the_reserve_breaks_the_certificate(quanta: int) -> Non
         "receiver of slave.lever": True,
         "network of lever": True,
     }
-    after = recheck_run(found)["certificate"]["after_run"]
-    assert bool(after.get("invalidated")) is (quanta == 1)
-    said = " ".join(after.get("sentences", ()))
+    after = recheck_run(found).certificate.after_run
+    assert after.invalidated is (quanta == 1)
+    said = " ".join(after.sentences)
     assert said.startswith("receiver of master.lever: supplied 1") is (quanta == 1)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +22,10 @@ from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import _books, verdicts
 from tautwave.rig import command_delays
 from tautwave.session.facts import pair_facts, port_claims
+from tautwave.summary import Summary, summary_of
 from tautwave.summary.model import Motors
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, rig
+from tests.report.rows_of import put
 from tests.report.synthetic import make_columns
 from tests.report.synthetic import rig as rig_keys
 from tests.rigs.running import run_rig
@@ -45,7 +46,7 @@ def ran(loaded: Rig) -> Run:
     rows = len(done.table)
     keys = yaml.safe_load(resolved_yaml(loaded))
     return Run(
-        Path(), keys, "", {"pairs": {"lever": facts}}, tuple(columns), rows,
+        Path(), keys, "", summary_of({"pairs": {"lever": facts}})[0], tuple(columns), rows,
         whole=columns, time=np.arange(rows) / loaded.rate_hz,
     )  # fmt: skip
 
@@ -62,7 +63,7 @@ def true_work(run: Run, weight: float) -> np.ndarray[Any, Any]:
 def test_what_the_motors_gave_is_their_work_on_the_devices(changes: tuple[str, ...]) -> None:
     loaded = rig(*QUIET, *changes)
     run = ran(loaded)
-    work = true_work(run, 1.0 / run.summary["pairs"]["lever"]["power_ratio"])
+    work = true_work(run, 1.0 / (run.result.pairs["lever"].power_ratio or 1.0))
     reported = motor_energy(run, "lever")
     assert abs(reported["net"]) > 1e-4
     assert reported["net"] == pytest.approx(work[-1], rel=1e-9)
@@ -92,8 +93,7 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
     run = ran(rig(*QUIET, "loop.missing_limit=1", "loop.overrun_limit=1"))
     reported = motor_energy(run, "lever")
     assert reported["worst"] > reported["stated_debt"]
-    summary = {**rebuild_summary(run), "energy_j": rebuild_summary(run)["energy_j"]}
-    run.summary = {**run.summary, **json.loads(json.dumps(summary))}
+    put(run, rebuild_summary(run))
     sections = summary_sections("x", run.result, Path(), 0)
     shown = next(one for one in sections if one.title == "Energy books")
     [row] = [row for row in shown.rows if row[0] == "at the worst moment"]
@@ -108,7 +108,9 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
 def test_what_no_rig_states_is_no_debt_and_nothing_exceeds_it() -> None:
     columns = make_columns(rows=500)
     keys = rig_keys(("wrist",), 20)
-    run = Run(Path(), keys, "", {}, tuple(columns), 500, whole=columns, time=columns["time_s"])  # type: ignore[arg-type]
+    run = Run(
+        Path(), keys, "", Summary(), tuple(columns), 500, whole=columns, time=columns["time_s"]
+    )  # type: ignore[arg-type]
     reported = motor_energy(run, "wrist")
     given = -sum(columns[f"{side}.wrist.port_energy"] for side in ("master", "slave"))
     assert reported["net"] == pytest.approx(given[-1] - given[0])
@@ -123,7 +125,7 @@ def test_books_that_close_are_bad_where_motors_gave_more_than_the_debt(
     motors = {"worst": worst, "worst_at_s": 1.0, "stated_debt": 1e-3}
     energy = {"gross_flow": 1.0, "residual": 0.0, "motors_net": 1e-4, "generated": 0.0}
     summary = {"energy_j": energy, "pairs": {"wrist": {"motors": motors}}}
-    books = _books(Run(Path(), {}, "", summary))
+    books = _books(Run(Path(), {}, "", summary_of(summary)[0]))
     assert books.status == status
     assert any("more than the" in sentence for sentence in books.sentences) == (status == "bad")
 
@@ -145,5 +147,5 @@ def test_books_close_as_far_as_doubles_can(
     energy = {"gross_flow": gross, "residual": residual, "generated": 0.0}
     pairs = {"a": {"elements": {"line": {"held": held}}}}
     summary = {"energy_j": energy, "pairs": pairs, "cycles": 1_000_000}
-    found = verdicts(Run(Path(), {}, "", summary))[0]
+    found = verdicts(Run(Path(), {}, "", summary_of(summary)[0]))[0]
     assert (found.topic, found.status) == ("Energy books", status)

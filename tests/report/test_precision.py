@@ -22,6 +22,8 @@ from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run
 from tautwave.simulation.rows import Simulation
 from tautwave.simulation.run import simulate
+from tautwave.summary import Summary, summary_of
+from tests.report.rows_of import put
 from tests.report.synthetic import make_run, write_recording
 
 SECONDS = 1.2
@@ -53,9 +55,9 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, Path]:
 @pytest.fixture(scope="module")
 def reported(simulated: tuple[Rig, Path]) -> dict[str, Any]:
     run = load_run(simulated[1])
-    run.summary = measure_precision(run)
+    run.result = measure_precision(run)
     write_summary(run)
-    found: dict[str, Any] = run.summary["precision"]
+    found: dict[str, Any] = run.result.precision
     return found
 
 
@@ -133,7 +135,7 @@ def test_hardware_has_a_table_too(simulated: tuple[Rig, Path]) -> None:
     bare = rig.model_copy(update={"simulation": None})
     found = precision_of(run, bare)
     found["pairs"]["lever"]["slave"]["replayed"] = 0.0123456
-    run.summary = {**run.summary, "precision": found}
+    put(run, {"precision": found})
     (table,) = precision_table.precision_tables(run)
     assert [row[0] for row in table.rows] == ["master.lever", "slave.lever"]
     assert [row[2] for row in table.rows] == [
@@ -149,8 +151,8 @@ def test_hardware_has_a_table_too(simulated: tuple[Rig, Path]) -> None:
 def test_what_cannot_be_replayed_is_said(tmp_path: Path) -> None:
     make_run(tmp_path / "run")  # of another framework's rig
     run = load_run(tmp_path / "run")
-    run.summary = measure_precision(run)
-    assert run.summary["precision"]["error"]
+    run.result = measure_precision(run)
+    assert run.result.precision["error"]
     assert next(precision_table.precision_sentences(run)).startswith("Not computed: ")
 
 
@@ -211,7 +213,7 @@ def test_the_order_is_that_of_the_two_differences() -> None:
 
 def test_a_run_without_pairs_is_left_alone(simulated: tuple[Rig, Path]) -> None:
     rig, directory = simulated
-    run = Run(directory, {}, "", {})
+    run = Run(directory, {}, "", Summary())
     assert "error" in precision_of(run, rig)
 
 
@@ -239,6 +241,6 @@ def test_less_than_an_encoder_step_is_called_that(simulated: tuple[Rig, Path]) -
 )
 def test_a_replay_that_differs_says_what_the_run_had(facts: dict[str, Any], why: str) -> None:
     summary = {**facts, "precision": {"kind": "simulated", "span_s": 1.0, "replayed_equal": False}}
-    run: Any = SimpleNamespace(summary=summary)
+    run: Any = SimpleNamespace(result=summary_of(summary)[0])
     *_, last = precision_table.precision_sentences(run)
     assert last.endswith(f"recorded truth bit for bit{why}.")

@@ -71,9 +71,9 @@ def resonator(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def facts_of(directory: Path) -> dict[str, Any]:
     run = load_run(directory)
-    run.summary = measure_precision(run)
+    run.result = measure_precision(run)
     write_summary(run)
-    found: dict[str, Any] = run.summary["precision"]
+    found: dict[str, Any] = run.result.precision
     return found
 
 

@@ -11,6 +11,7 @@ from tautwave.report.run.rebuild import periods_us, rebuild_summary
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.scratch import spread_columns
 from tautwave.report.run.views import view_energy, view_pair
+from tautwave.summary import Summary
 from tests.report.synthetic import make_run, write_recording
 
 
@@ -76,7 +77,7 @@ def test_the_balance_sees_energy_that_no_element_booked(tmp_path, columns):
 def test_the_plants_residual_counts_what_an_arms_steps_are_wrong_by():
     energies = {"work": [0.0, 2.0, 3.0], "kinetic": [1.0, 2.0, 1.5], "potential": [0.5, 1.5, 3.0]}
     columns = {f"arm.hand.{name}": np.array(values) for name, values in energies.items()}
-    run = Run(Path(), {}, "", {}, tuple(columns), 3, whole=columns)
+    run = Run(Path(), {}, "", Summary(), tuple(columns), 3, whole=columns)
     assert plant_energy(run, {})["plant_residual"] == pytest.approx(0.0)
     columns["arm.hand.kinetic"][1] += 0.25
     assert plant_energy(run, {})["plant_residual"] == pytest.approx(0.25)
@@ -164,7 +165,7 @@ def test_a_summary_that_nobody_can_read_is_a_note(tmp_path, columns, text):
     run = load_run(tmp_path)
     assert any(note.startswith("summary.json cannot be read: line 1") for note in run.notes)
     assert not any("summary.json is missing" in note for note in run.notes)
-    assert run.summary["cycles"] == run.rows
+    assert run.result.cycles == run.rows
 
 
 @pytest.mark.parametrize(

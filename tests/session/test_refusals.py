@@ -32,11 +32,11 @@ def test_a_fault_is_reported_with_its_axis(tmp_path: Path, monkeypatch: pytest.M
     faults = "buses.can.options.simulator={nodes: {2: {fault_at_s: 0.5}}}"
     result = run(load_rig(RIG, [faults]), out=tmp_path / "out", clock="fake", duration_s=1.0)
     assert result.exit_code == 5
-    assert result.summary["axes"]["master.lever"]["faults"] == []
-    reported = result.summary["axes"]["slave.lever"]["faults"]
+    assert result.summary.axes["master.lever"].faults == ()
+    reported = result.summary.axes["slave.lever"].faults
     assert reported
-    assert all(one["text"].startswith("slave.lever") for one in reported)
-    assert all(one in result.summary["faults"] for one in reported)
+    assert all(one.text.startswith("slave.lever") for one in reported)
+    assert all(one in result.summary.faults for one in reported)
 
 
 @pytest.mark.slow

@@ -71,7 +71,7 @@ def test_a_report_that_is_not_written_costs_nothing_else(
     kept = json.loads((out / "summary.json").read_text())
     expected = "the report could not be written: " + words.format(out=out)
     assert kept["report_error"].startswith(expected)
-    assert done.summary["report_error"] == kept["report_error"]
+    assert done.summary.report_error == kept["report_error"]
     assert kept["outcome"]["kind"] == "finished"
     assert load_rig(out / "rig.yaml").duration_s == 0.1  # what replays it takes that
     port = kept["certificate"]["elements"]["master.lever port"]
@@ -140,7 +140,7 @@ def test_a_directory_that_was_removed_takes_the_recording_with_it(
     monkeypatch.setattr(running, "report_run", removed)
     result = running.run(load_rig(RIG), out=out, clock="fake", duration_s=0.1)
     assert result.exit_code == WritingError.exit_code
-    assert result.summary["incomplete"] == (
+    assert result.summary.incomplete == (
         f"{out} was removed during the run, and its recording is gone with it"
     )
     assert not out.exists()

@@ -24,6 +24,7 @@ from tautwave.session.running import RunResult
 from tautwave.session.trials import running
 from tautwave.session.trials.protocol import Trial, read_protocol, trials_of
 from tautwave.session.trials.running import FIRST, TrialSource, _free
+from tautwave.summary import summary_of
 
 pytestmark = pytest.mark.realtime
 
@@ -166,7 +167,7 @@ def test_a_trial_whose_run_ended_with_a_code_says_why(
     }
 
     def run(_: Any, *, out: Path, **__: Any) -> RunResult:
-        return RunResult(summary, out, code)
+        return RunResult(summary_of(summary)[0], out, code)
 
     monkeypatch.setattr(running, "run_rig", run)
     done = trials(study(tmp_path), "--out", str(tmp_path / "out"), "--yes")

@@ -20,7 +20,6 @@ from tautwave.runtime.carrying.driver import CarryingDriver
 from tautwave.runtime.following import FollowingDriver
 from tautwave.session.identification.identifying import identify_device
 from tautwave.session.running import RunResult, run
-from tautwave.summary import summary_of
 from tautwave.summary.ending import last_line
 from tautwave.types import CommandDelay, Fault
 from tautwave.wrapper import DriverWrapper
@@ -85,7 +84,7 @@ def test_the_warning_names_whom_no_watchdog_stops_and_nobody_else(
 ) -> None:
     keep_in_one_process(monkeypatch)
     result, said = moved(tmp_path, name, *keys, allow_unwatched=True)
-    assert result.exit_code == 0, result.summary["outcome"]
+    assert result.exit_code == 0, result.summary.outcome
     assert len(said) == len(axes)
     for sentence, (axis, why) in zip(said, axes.items(), strict=True):
         assert sentence.startswith(f"UNWATCHED: {axis} (")
@@ -93,11 +92,11 @@ def test_the_warning_names_whom_no_watchdog_stops_and_nobody_else(
         assert why in sentence
         assert "emergency stop" in sentence
     found = {
-        axis: why for bus in result.summary["buses"].values() for axis, why in
-        bus["unwatched"].items()
+        axis: why for bus in result.summary.buses.values() for axis, why in
+        bus.unwatched.items()
     }  # fmt: skip
     assert list(found) == list(axes)
-    watched = {a for bus in result.summary["buses"].values() for a in bus["watchdog_s"]}
+    watched = {a for bus in result.summary.buses.values() for a in bus.watchdog_s}
     assert not watched & set(axes)
 
 
@@ -144,18 +143,18 @@ def test_a_device_that_does_not_confirm_to_be_off_ends_the_run_with_5(
     """Its last samples are missing, too few for the loop to stop: the run itself completes."""
     keep_in_one_process(monkeypatch)
     result, _ = moved(tmp_path, name, GONE[name], "loop.missing_limit=100", allow_uncertified=True)
-    ended = result.summary["outcome"]
-    assert (result.exit_code, ended["kind"], ended["axis"]) == (5, "fault", "slave.lever")
-    assert ended["sentence"].startswith("completed, 0.2 s; slave.lever may still be enabled (")
-    assert "its own time-out of 0." in ended["sentence"]
-    said = last_line("rig", summary_of(result.summary)[0], result.exit_code).splitlines()
+    ended = result.summary.outcome
+    assert (result.exit_code, ended.kind, ended.axis) == (5, "fault", "slave.lever")
+    assert ended.sentence.startswith("completed, 0.2 s; slave.lever may still be enabled (")
+    assert "its own time-out of 0." in ended.sentence
+    said = last_line("rig", result.summary, result.exit_code).splitlines()
     assert said[0] == "completed, 0.2 s"
     assert said[-1].startswith("slave.lever may still be enabled (")
-    assert "; ".join(said) == ended["sentence"]
-    unconfirmed = [bus["unconfirmed"] for bus in result.summary["buses"].values()]
+    assert "; ".join(said) == ended.sentence
+    unconfirmed = [bus.unconfirmed for bus in result.summary.buses.values()]
     assert [list(axes) for axes in unconfirmed if axes] == [["slave.lever"]]
     written = json.loads((result.directory / "summary.json").read_text())
-    assert written["outcome"]["sentence"] == ended["sentence"]
+    assert written["outcome"]["sentence"] == ended.sentence
 
 
 def test_it_comes_after_what_stopped_the_run_and_no_power_is_trusted(
@@ -164,7 +163,7 @@ def test_it_comes_after_what_stopped_the_run_and_no_power_is_trusted(
     keep_in_one_process(monkeypatch)
     quirks = "{servos: {2: {firmware: 37}}, faults: {events: [{kind: remove, at_s: 0.1, id: 2}]}}"
     result, _ = moved(tmp_path, SERVO[0], f"{SERVO[1]}={quirks}", allow_unwatched=True)
-    sentence = result.summary["outcome"]["sentence"]
+    sentence = result.summary.outcome.sentence
     assert result.exit_code == 5
     assert sentence.startswith("slave.lever on bus")
     assert sentence.endswith("nothing stops it by itself; cut its power")

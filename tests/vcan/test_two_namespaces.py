@@ -95,13 +95,14 @@ def test_two_sites_stay_passive_and_meet_again_over_any_network(tmp_path: Path) 
             site.until((site.out / "summary.json").exists)
     found = [load_run(tmp_path / side) for side in SIDES]
     for one in found:
-        assert one.summary["outcome"]["kind"] in ("finished", "interrupted"), one.summary["outcome"]
-        assert one.summary["recording"]["rows_dropped"] == 0
-        assert one.rows == one.summary["cycles"]
-        sessions = one.summary["link"]["sessions"]
-        assert "engaged_s" in sessions[0]
-        assert "engaged_s" in sessions[-1]
-        assert any(session.get("silences") for session in sessions)
+        assert one.result.outcome.kind in ("finished", "interrupted"), one.result.outcome
+        assert one.result.recording.rows_dropped == 0
+        assert one.rows == one.result.cycles
+        assert one.result.link is not None
+        sessions = one.result.link.sessions
+        assert sessions[0].engaged_s is not None
+        assert sessions[-1].engaged_s is not None
+        assert any(session.silences for session in sessions)
     for common in common_sessions(found[1], found[0]):
         # What left less what came, of both ways: not below the reserves, whatever the clocks.
         halves = (one.read(AWAY)[AWAY] for one in reversed(found))

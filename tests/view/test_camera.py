@@ -23,6 +23,7 @@ from tautwave.config.keys.devices import Camera
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.recordings.cameras import FILE, jpeg_in, pictures
 from tautwave.session.running import run as run_rig
+from tautwave.summary.model import Camera as Pictures
 from tautwave.view.camera import v4l2
 from tautwave.view.camera.__main__ import record
 from tautwave.view.camera.file import CameraFile, compressed_image
@@ -234,9 +235,9 @@ def test_a_killed_camera_costs_the_run_its_pictures_only(tmp_path: Path) -> None
     threading.Thread(target=_kill_when_it_writes, args=(tmp_path / FILE.format(name="c"),)).start()
     done = run_rig(rig, out=tmp_path, duration_s=1.5, simulate=True)
     assert done.exit_code == 0
-    assert done.summary["recording"]["rows_dropped"] == 0
-    assert done.summary["recording"]["rows_written"] == done.summary["cycles"]
-    assert done.summary["cameras"] == {"c": {"error": "its process ended before the run"}}
+    assert done.summary.recording.rows_dropped == 0
+    assert done.summary.recording.rows_written == done.summary.cycles
+    assert done.summary.cameras == {"c": Pictures(error="its process ended before the run")}
 
 
 def _kill_when_it_writes(path: Path) -> None:

@@ -129,7 +129,6 @@ def run(
     from tautwave.cli.terminal.streams import escaped, unheard, warn
     from tautwave.cli.terminal.summary import summary_sections
     from tautwave.config import load_rig
-    from tautwave.summary import summary_of
     from tautwave.summary.ending import last_line
 
     loaded = load_rig(
@@ -178,7 +177,7 @@ def run(
     if cast("Commands", ctx.find_root().command).owns_process:
         with interrupts() as heard:
             heard.stay_deaf()
-    summary, _ = summary_of(result.summary)
+    summary = result.summary
     with unheard(sys.stdout):
         show(summary_sections(loaded.name, summary, result.directory, result.exit_code, draw_later))
     played = _played(result.directory) if play else ""

@@ -50,7 +50,7 @@ def judge(run: Run) -> None:
     from tautwave.report.run.warnings import with_warnings
 
     for step in (complete_summary, recheck_run, with_warnings):
-        run.summary = step(run)
+        run.result = step(run)
 
 
 def draw(run: Run) -> None:
@@ -61,7 +61,7 @@ def draw(run: Run) -> None:
     from tautwave.report.run.complete import write_summary
     from tautwave.report.run.page import write_page
 
-    run.summary = measure_precision(run)
+    run.result = measure_precision(run)
     write_summary(run)
     if run.ports:
         report_hooks().write_files(run)

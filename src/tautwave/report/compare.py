@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,11 @@ from tautwave.report.html import (
 )
 from tautwave.report.joined import joined_page, joined_summary, sites_of
 from tautwave.report.run.loading import load_run
-from tautwave.report.run.rundir import Run, block
+from tautwave.report.run.rundir import Run
 from tautwave.report.run.tables import Table
 from tautwave.report.run.verdicts import outcome, units_of, verdicts
 from tautwave.report.units import count, microseconds, number, plural, quantity, significant
+from tautwave.summary import Summary, plain_summary
 from tautwave.summary.markup import Markup
 
 Show = Callable[[Any], str]
@@ -104,7 +105,7 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
     if figure is not None:
         yield kept_picture(folder, "compare-timing", figure, "histograms of both runs")
     yield Markup("<h2>All differences between the summaries</h2>")
-    yield _differences(_changes(_plain(runs[0].summary), _plain(runs[1].summary)), labels)
+    yield _differences(_changes(_plain(runs[0].result), _plain(runs[1].result)), labels)
 
 
 def _differences(rows: list[tuple[str, str, str]], labels: tuple[str, str]) -> Markup:
@@ -180,8 +181,7 @@ RESOLVED = 1e-12
 
 def _noise(runs: tuple[Run, Run]) -> float:
     """Return the energy [J] below which those of both runs are rounding."""
-    flows = [number(block(run.summary, "energy_j").get("gross_flow")) for run in runs]
-    return ROUNDING * max((flow for flow in flows if flow is not None), default=0.0)
+    return ROUNDING * max(run.result.energy_j.gross_flow or 0.0 for run in runs)
 
 
 def _energies(runs: tuple[Run, Run], pair: str) -> list[Line]:
@@ -218,12 +218,20 @@ def _table(
 ) -> Table:
     """Table of two summaries; values within `noise` (in SI) in both get no ratio."""
     given = [
-        (name, show, tuple(block(run.summary, *keys[:-1]).get(keys[-1]) for run in runs))
+        (name, show, values)
         for name, show, keys in lines
-        if keys[-1] not in BOOKED
-        or any(number(block(run.summary, *keys[:-1]).get(keys[-1])) for run in runs)
+        if any(values := tuple(value_of(run.result, keys) for run in runs))
+        or keys[-1] not in BOOKED
     ]
     return _side_by_side(labels, title, given, noise)
+
+
+def value_of(summary: Summary, keys: Sequence[str]) -> Any:
+    """Return what stands in a summary under keys, None where one of them is missing."""
+    found: Any = summary
+    for key in keys:
+        found = found.get(key) if isinstance(found, Mapping) else getattr(found, key, None)
+    return found
 
 
 BOOKED = ("absorbed", "stored", "dissipated")
@@ -267,8 +275,8 @@ def _side_by_side(
     return Table(title, head, tuple(rows))
 
 
-def _plain(summary: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in summary.items() if key not in _NOT_COMPARED}
+def _plain(summary: Summary) -> dict[str, Any]:
+    return {key: value for key, value in plain_summary(summary).items() if key not in _NOT_COMPARED}
 
 
 def _changes(a: dict[str, Any], b: dict[str, Any], stem: str = "") -> list[tuple[str, str, str]]:

@@ -16,8 +16,8 @@ host, and once the kinetic energy at the velocity limit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.motors import motion
 from tautwave.report.run.rundir import SIDES, Run, block
 from tautwave.report.units import number, quantity
+from tautwave.summary.model import CertifiedElement, Pair, Side
 
 
 class End(NamedTuple):
@@ -114,17 +115,16 @@ class End(NamedTuple):
 def ends_of(run: Run) -> Iterator[End]:
     """Yield every axis that has a claim and is recorded."""
     for pair in run.pairs:
-        own = block(run.summary, "pairs", pair)
-        claims = block(own, "claim_j")
+        own = run.result_of(pair)
         for side in SIDES:
-            claim = number(claims.get(side))
+            claim = own.claim_j.get(side)
             ports = [f"{pair}.{what}_{side}.absorbed" for what in ("port", "account", "damper")]
             read = run.read(*ports)
             if claim is None or not read or not run.rows:
                 continue
             axis = f"{side}.{pair}"
             flow = run.read(f"{axis}.gross_flow").get(f"{axis}.gross_flow", np.zeros(1))
-            weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
+            weight = 1.0 if side == "master" else 1.0 / (own.power_ratio or 1.0)
             # A matched end's damper is part of it: what the tank paid for it did not come out.
             port = np.sum(list(read.values()), axis=0)
             taken = port + _of_wall(run, pair, side, weight)
@@ -146,8 +146,8 @@ def _beyond(run: Run, axis: str, given: Floats, flow: float) -> Rise | None:
 
     A port begins each engagement with its reserve.
     """
-    element = block(run.summary, "certificate", "elements", f"{axis} port")
-    reserve, leak = number(element.get("reserve_j")), number(element.get("leak_w"))
+    element = port_of(run, axis)
+    reserve, leak = element.reserve_j, element.leak_w
     if reserve is None or leak is None or run.time is None or run.rows < 2:
         return None
     times = run.read("operation.engagement").get("operation.engagement", np.ones(run.rows))
@@ -157,12 +157,17 @@ def _beyond(run: Run, axis: str, given: Floats, flow: float) -> Rise | None:
     return surplus_of(time, given[known], allowed, flow) if len(time) > 1 else None
 
 
-def stated_of(pair: Mapping[str, Any], side: str) -> Stated | None:
+def stated_of(pair: Pair, side: Side) -> Stated | None:
     """Return what was stated of one side in a pair's block of a summary; None: nothing was."""
-    found = block(pair, "claims", side)
-    if not set(Stated._fields) <= set(found):
+    found = pair.claims.get(side)
+    if found is None or not set(Stated._fields) <= found.model_fields_set:
         return None
-    return Stated(**{key: found[key] for key in Stated._fields})
+    return Stated(**{key: getattr(found, key) for key in Stated._fields})
+
+
+def port_of(run: Run, axis: str) -> CertifiedElement:
+    """Return what the certificate has on an axis' port; all of it unknown where it has nothing."""
+    return run.result.certificate.elements.get(f"{axis} port", CertifiedElement())
 
 
 def _of_wall(run: Run, pair: str, side: str, weight: float) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.html import file_stem, judged_banners, kept_picture, page, table
-from tautwave.report.run.complete import power_ratio, sensing_gap
+from tautwave.report.run.complete import sensing_gap
 from tautwave.report.run.rebuild import element_books
 from tautwave.report.run.rundir import Run, kind_of, pair_settings
 from tautwave.report.run.tables import Table
@@ -213,9 +213,7 @@ def gap_remark(pair: str, books: dict[str, Any]) -> str:
 
 def _weight(run: Run, side: str, pair: str) -> float:
     """Return the pair's energy per energy of one of its devices."""
-    return (
-        1.0 if side == "master" else 1.0 / power_ratio(run.summary.get("pairs", {}).get(pair, {}))
-    )
+    return 1.0 if side == "master" else 1.0 / (run.result_of(pair).power_ratio or 1.0)
 
 
 def _motors(runs: tuple[Run, Run], pair: str) -> list[Motors]:

@@ -7,8 +7,8 @@ one gave more than it got is a comparison of integers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from tautwave.laws.counters import ENERGY_QUANTUM
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import SIDES, Run, axis_kind, block
 from tautwave.report.units import axis_units, number, quantity, ratio
+from tautwave.summary.model import LinkEnd, Side
 
 ALWAYS = ("delay", "silence", "lost")
 COLUMNS = (*ALWAYS, "depth", "backlog", "cut")
@@ -105,43 +106,43 @@ def link_sentences(run: Run) -> tuple[list[str], bool]:
     """Return what the network did to each side, and the delays; whether a side held or was cut."""
     sentences, felt = [], False
     for pair in run.pairs:
-        sides = block(run.summary, "pairs", pair, "link")
+        sides = run.result_of(pair).link
         position, _ = axis_units(axis_kind(run, "master", pair))
         for side, figures in sides.items():
-            text = f"{side}.{pair}: {ratio(100.0 * figures['loss'])} % of the packets lost"
-            if "delay_p50_s" in figures:
+            text = f"{side}.{pair}: {ratio(100.0 * (figures.loss or 0.0))} % of the packets lost"
+            if figures.delay_p50_s is not None:
                 text += (
-                    f", waves {quantity(figures['delay_p50_s'], 's')} old at the median, "
-                    f"{quantity(figures['delay_p99_s'], 's')} at p99"
+                    f", waves {quantity(figures.delay_p50_s, 's')} old at the median, "
+                    f"{quantity(figures.delay_p99_s, 's')} at p99"
                 )
-            text += f"; up to {quantity(figures['backlog'], position)} owed"
-            if figures["cut"]:
-                text += f", energy short in {ratio(100.0 * figures['cut'])} % of the cycles"
-            if figures["holds"]:
-                text += f"; held {figures['holds']} x, {quantity(figures['held_s'], 's')} in all"
-            felt = felt or figures["holds"] > 0
+            text += f"; up to {quantity(figures.backlog, position)} owed"
+            if figures.cut:
+                text += f", energy short in {ratio(100.0 * figures.cut)} % of the cycles"
+            if figures.holds:
+                text += f"; held {figures.holds} x, {quantity(figures.held_s, 's')} in all"
+            felt = felt or figures.holds > 0
             sentences.append(f"{text}.")
         budget = _budget(run, pair, sides)
         sentences += [budget] if budget else []
     return sentences, felt
 
 
-def _budget(run: Run, pair: str, sides: dict[str, Any]) -> str:
+def _budget(run: Run, pair: str, sides: Mapping[Side, LinkEnd]) -> str:
     """Return the one-way delay as `check` expects it and as it was, part by part."""
-    expected = block(run.summary, "pairs", pair, "delay_budget_s")
-    known = [figures for figures in sides.values() if "link_s" in figures]
+    expected = {part: one or 0.0 for part, one in run.result_of(pair).delay_budget_s.items()}
+    known = [figures for figures in sides.values() if figures.link_s is not None]
     if not expected or not known:
         return ""
     measured = dict(expected)
-    for part in ("link", "play_out"):
-        measured[part] = sum(figures[f"{part}_s"] for figures in known) / len(known)
-    period = number(block(run.summary, "period_us").get("p50"))
+    measured["link"] = sum(figures.link_s or 0.0 for figures in known) / len(known)
+    measured["play_out"] = sum(figures.play_out_s or 0.0 for figures in known) / len(known)
+    period = run.result.period_us.p50
     measured["sensing"] = expected["sensing"] if period is None else 1e-6 * period
     parts = ", ".join(
         f"{part.replace('_', '-')} {1e3 * measured[part]:.4g} ({1e3 * value:.4g})"
         for part, value in expected.items()
     )
-    compute = number(block(run.summary, "compute_us").get("p99"))
+    compute = run.result.compute_us.p99
     inside = (
         "" if compute is None else f"; computing accounted for {1e-3 * compute:.3g} of it at p99"
     )

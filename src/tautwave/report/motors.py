@@ -54,16 +54,15 @@ def stated_debt(run: Run, pair: str) -> float | None:
     What its ends claim, the reserves of receivers, and energy that walls held at the start, or
     created and the device's damping dissipated. None where the law claims nothing.
     """
-    own = block(run.summary, "pairs", pair)
-    claims = block(own, "claim_j")
-    if not claims:
+    own = run.result_of(pair)
+    if not own.claim_j:
         return None
     debt = 0.0
     for side in run.sides:
-        weight = 1.0 if side == "master" else 1.0 / (number(own.get("power_ratio")) or 1.0)
-        debt += weight * (number(claims.get(side)) or 0.0) + _wall(run, pair, side, weight)
+        weight = 1.0 if side == "master" else 1.0 / (own.power_ratio or 1.0)
+        debt += weight * (own.claim_j.get(side) or 0.0) + _wall(run, pair, side, weight)
         debt += _compensation(run, pair, side)
-        debt += number(own.get("receiver_j")) or 0.0
+        debt += own.receiver_j or 0.0
     return debt
 
 

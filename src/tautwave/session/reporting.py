@@ -7,7 +7,7 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from tautwave.controller.stops import StopPlace
 from tautwave.errors import (
@@ -25,7 +25,6 @@ from tautwave.runtime.recorder import RecorderStats
 from tautwave.runtime.unwatched import may_be_enabled
 from tautwave.summary import (
     Summary,
-    plain_summary,
     read_summary,
     with_unwritten_report,
     write_summary,
@@ -49,7 +48,7 @@ def recording_of(stats: RecorderStats) -> Recording:
 
 def report_run(
     directory: Path, summary: Summary, exit_code: int, draw_later: bool = False
-) -> tuple[dict[str, Any], int]:
+) -> tuple[Summary, int]:
     """Write the summary, then have another process complete it and draw the report.
 
     NumPy arrays of an hour and matplotlib stay out of the process that moved the motors. Nothing is
@@ -80,7 +79,7 @@ def report_run(
     if draw_later and not reason:
         _draw_alone(directory)
     invalidated = summary.certificate.after_run.invalidated
-    return plain_summary(summary), final_code(exit_code, invalidated, bool(incomplete))
+    return summary, final_code(exit_code, invalidated, bool(incomplete))
 
 
 def outcome_of(result: LoopResult, assembly: Assembly) -> tuple[Outcome, int]:

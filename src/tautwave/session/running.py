@@ -49,7 +49,7 @@ from tautwave.session.sites.agreed import with_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
 from tautwave.session.viewing.tuning import tuning_facts, tuning_of, with_tuning
-from tautwave.summary import Summary, checked, summary_of
+from tautwave.summary import Summary, checked
 from tautwave.summary.ending import last_line
 from tautwave.summary.model import Axis, Bus, Camera, DeviceFault, Pair, Scene, Site, Spread, Tuned
 from tautwave.summary.model import CommandDelay as CommandDelayOf
@@ -69,15 +69,14 @@ class Moved(NamedTuple):
 class RunResult(NamedTuple):
     """A finished run, successful or not: its summary, its directory, and the exit code."""
 
-    summary: dict[str, Any]
+    summary: Summary
     directory: Path
     exit_code: int
 
     @property
     def why(self) -> str:
         """How it ended, or why its exit code is not 0, as a clause."""
-        found, _ = summary_of(self.summary)
-        said = last_line(str(self.summary["rig"]), found, self.exit_code)
+        said = last_line(self.summary.rig, self.summary, self.exit_code)
         return " ".join(said.splitlines()).rstrip(".")
 
 
@@ -258,8 +257,8 @@ def run(
         pairs=pairs,
         **extra,
     )
-    result_of_run, exit_code = report_run(directory, summary, exit_code, draw_later)
-    return RunResult(result_of_run, directory, exit_code)
+    summary, exit_code = report_run(directory, summary, exit_code, draw_later)
+    return RunResult(summary, directory, exit_code)
 
 
 def _other_site(

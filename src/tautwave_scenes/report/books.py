@@ -9,7 +9,7 @@ import numpy as np
 from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.report.figures.envelope import Floats
-from tautwave.report.run.rundir import Run, block
+from tautwave.report.run.rundir import Run
 from tautwave.report.run.tables import MAX_ELEMENTS, Table
 from tautwave.report.units import quantity
 from tautwave_scenes.rig.network import hold_claim, hold_limit
@@ -47,7 +47,7 @@ def scene_books(run: Run) -> dict[str, float | None]:
 
 def scene_table(run: Run) -> Table:
     """The account of every mass, link, port and string of a scene at the end of the run."""
-    elements = block(run.summary, "scene", "elements")
+    elements = {} if run.result.scene is None else run.result.scene.elements
     keys = ("kinetic", "stored", "lost", "made", "pumped", "work", "numeric")
     rows = []
     touched = {

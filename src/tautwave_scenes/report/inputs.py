@@ -138,8 +138,9 @@ def armed_row(rig: Rig, stage: Stage, ports: Floats, valid: Any) -> int | None:
 
 def _pushes(run: Run, rig: Rig, stage: Stage, slots: int) -> Floats:
     """Return the external forces of a run, zero after their end, shape (slots, f)."""
-    seconds = run.summary.get("asked_s", rig.duration_s)
-    cycles = max(round(float(seconds) * rig.rate_hz), 1)
+    asked = run.result.asked_s
+    seconds = rig.duration_s if asked is None else asked
+    cycles = max(round(seconds * rig.rate_hz), 1)
     pushes = np.zeros((slots, len(stage.network.forced)))
     for at, force in enumerate(stage.forces(rig, cycles)):
         given = np.asarray(force)[:slots]

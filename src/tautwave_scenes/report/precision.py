@@ -219,7 +219,7 @@ def _window(base: Played, afford: int, kept: Sequence[Any]) -> tuple[int, int]:
 
 def _equal(run: Run, base: Played, inputs: Inputs) -> bool | None:
     """Return whether the replayed efforts are the recorded ones; None on a real clock."""
-    if run.summary.get("clock") != "fake":
+    if run.result.clock != "fake":
         return None
     gap = base.efforts - inputs.asked[: len(base.efforts)]
     scale = max(_greatest(base.efforts), 1e-300)

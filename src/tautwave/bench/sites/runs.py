@@ -87,14 +87,14 @@ def _found(out: Path, memory: list[int]) -> dict[str, Any]:
     run = load_run(out)
     delay = 1e6 * run.read("link.delay_s")["link.delay_s"]
     quantiles = np.quantile(delay[delay > 0.0], (0.5, 0.99, 0.999, 1.0))
-    sessions = run.summary["link"]["sessions"]
+    sessions = run.result.link.sessions if run.result.link is not None else ()
     return {
-        "late": run.summary["lateness_us"],
+        "late": run.result.lateness_us.model_dump(exclude_unset=True),
         "delay": dict(zip(("p50", "p99", "p999", "max"), map(float, quantiles), strict=True)),
         "memory": memory,
         "sessions": len(sessions),
-        "silences": sum(len(one.get("silences", ())) for one in sessions),
-        "dropped": run.summary["recording"]["rows_dropped"],
+        "silences": sum(len(one.silences) for one in sessions),
+        "dropped": run.result.recording.rows_dropped,
     }
 
 

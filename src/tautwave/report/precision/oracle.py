@@ -16,6 +16,7 @@ import numpy as np
 
 from tautwave.config import Bus, Rig, Simulation
 from tautwave.errors import TautwaveError
+from tautwave.files import json_ready
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.resampling import distance, resampled
 from tautwave.report.hooks import report_hooks
@@ -24,6 +25,7 @@ from tautwave.simulation.kernel.pack import Job, pack_rig
 from tautwave.simulation.kernel.schemes import with_positions, with_scheme
 from tautwave.simulation.rows import Simulation as Rows
 from tautwave.simulation.run import engine_of, simulation_of_run
+from tautwave.summary import Summary
 
 ORACLE = 1e-12
 DORMAND_PRINCE = 4
@@ -44,17 +46,16 @@ class Replay(NamedTuple):
     whole: bool
 
 
-def measure_precision(run: Run) -> dict[str, Any]:
+def measure_precision(run: Run) -> Summary:
     """Return a run's summary with `precision`.
 
     If it cannot be computed, `precision.error` says why; that is not an error of the run.
     """
-    summary = dict(run.summary)
     try:
-        summary["precision"] = precision_of(run, run.checked_rig)
+        found = precision_of(run, run.checked_rig)
     except (TautwaveError, ArithmeticError, LookupError) as err:
-        summary["precision"] = {"error": str(err) or type(err).__name__}
-    return summary
+        found = {"error": str(err) or type(err).__name__}
+    return run.result.model_copy(update={"precision": json_ready(found)})
 
 
 def precision_of(run: Run, rig: Rig) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from tautwave.report.run.page_hooks import page_hooks
 from tautwave.report.run.rundir import Run, axis_kind, block
 from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity
+from tautwave.summary import Summary
 
 _HEAD = ("", "position, greatest", "of the travel", "effort, greatest", "of the greatest")
 STOPPED = ("interrupted", "safety_stop", "fault")
@@ -24,7 +25,7 @@ _NAMES = {
 
 def precision_sentences(run: Run) -> Iterator[str]:
     """Yield sentences on the replay: its span and its engine."""
-    precision = block(run.summary, "precision")
+    precision = run.result.precision
     if "error" in precision:
         yield f"Not computed: {precision['error']}."
     if "span_s" not in precision:
@@ -59,18 +60,17 @@ def precision_sentences(run: Run) -> Iterator[str]:
     elif equal is False:
         yield (
             "At its own rate the replay does not reproduce the recorded truth bit for bit"
-            f"{_why_not(run.summary)}."
+            f"{_why_not(run.result)}."
         )
 
 
-def _why_not(summary: dict[str, Any]) -> str:
+def _why_not(summary: Summary) -> str:
     """Return what a run had that its replay does not draw again; empty if nothing is known."""
-    counts = block(summary, "axes").values()
     reasons = {
-        "cycles were missed": number(summary.get("missed_cycles")),
-        "samples were lost or late": any(one.get("lost") or one.get("late") for one in counts),
-        "devices reported faults": summary.get("faults"),
-        "it was stopped": block(summary, "outcome").get("kind") in STOPPED,
+        "cycles were missed": summary.missed_cycles,
+        "samples were lost or late": any(one.lost or one.late for one in summary.axes.values()),
+        "devices reported faults": summary.faults,
+        "it was stopped": summary.outcome.kind in STOPPED,
     }
     why = [reason for reason, found in reasons.items() if found]
     return f": in the run {', '.join(why)}" if why else ""
@@ -78,7 +78,7 @@ def _why_not(summary: dict[str, Any]) -> str:
 
 def precision_tables(run: Run) -> Iterator[Table]:
     """Yield one table per pair."""
-    precision = block(run.summary, "precision")
+    precision = run.result.precision
     if precision.get("kind") == SCENE and "span_s" in precision:
         yield from page_hooks().precision_tables(precision)
     for pair, found in block(precision, "pairs").items():

@@ -13,24 +13,25 @@ from tautwave.certificate.walls import wall_claims
 from tautwave.config import Rig, local_wall, replace_wall
 from tautwave.errors import TautwaveError
 from tautwave.registry import load_driver
-from tautwave.report.ends import ends_of
+from tautwave.report.ends import ends_of, port_of
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.link import kept_of
 from tautwave.report.motors import Rows
 from tautwave.report.noise import noise_sentences
 from tautwave.report.run.conditions import broken_conditions
 from tautwave.report.run.judging import ALLOWED, REMEDY, RULES, judged_of
-from tautwave.report.run.rundir import Run, block, served_rows
+from tautwave.report.run.rundir import Run, served_rows
 from tautwave.report.sensors import sensor_sentences
-from tautwave.report.units import number
 from tautwave.rig import axis_allowance, pair_scale
 from tautwave.rig.scales import scaled
+from tautwave.summary import Summary, checked
+from tautwave.summary.model import AfterRun
 
 ROUNDING = 1e-12
 """Of all that passed to and fro: sums of doubles are no better."""
 
 
-def recheck_run(run: Run) -> dict[str, Any]:
+def recheck_run(run: Run) -> Summary:
     """Return a run's summary with `certificate.after_run`.
 
     `invalidated` is true if the certificate held before the run and its measurements break it, or
@@ -43,8 +44,8 @@ def recheck_run(run: Run) -> dict[str, Any]:
     sensors that motors contradict, and on energy generated where no more than stability with the
     stated hand is required.
     """
-    summary = dict(run.summary)
-    certificate = dict(block(summary, "certificate"))
+    certificate = run.result.certificate
+    after: dict[str, Any]
     try:
         rig, tuned = worst_rig(run)
         after = recheck(rig, measured_of(run, rig))
@@ -56,14 +57,14 @@ def recheck_run(run: Run) -> dict[str, Any]:
         judged = list(judged_of(run, rig))
     except TautwaveError as err:
         after, tuned, judged = {"passed": None, "error": str(err)}, [], []
-    after["invalidated"] = certificate.get("passed") is True and after["passed"] is False
+    after["invalidated"] = certificate.passed is True and after["passed"] is False
     ends = list(ends_of(run))
     after["ends"] = {
         end.axis: {
             "given_j": end.given,
             "blow_j": end.blow,
             "claim_j": end.claim,
-            "true_j": block(certificate, "elements", f"{end.axis} port").get("true_j"),
+            "true_j": port_of(run, end.axis).true_j,
             "gap_s": end.gap_s,
             "stalled": end.stalled,
             "passed": end.passed,
@@ -76,7 +77,7 @@ def recheck_run(run: Run) -> dict[str, Any]:
     after["judged"] = judged_sentence([*(one.rule for one in judged), *(["ends"] if ends else [])])
     after["broken_conditions"] = list(broken_conditions(run))
     generated = [f"{one.sentence} {REMEDY}" for one in judged if not one.passed]
-    if block(run.summary, "certificate").get("require") == "coupled_stable":
+    if certificate.require == "coupled_stable":
         allowed = [f"{one.sentence} {ALLOWED}" for one in judged if not one.passed]
         after["notes"] = [*allowed, *after["notes"]]
         generated = []
@@ -88,9 +89,8 @@ def recheck_run(run: Run) -> dict[str, Any]:
     if broken:
         after |= {"passed": False, "invalidated": True}
         after["sentences"] = [*broken, *after.get("sentences", ())]
-    certificate["after_run"] = after
-    summary["certificate"] = certificate
-    return summary
+    judged_so = certificate.model_copy(update={"after_run": checked(AfterRun, after)})
+    return run.result.model_copy(update={"certificate": judged_so})
 
 
 def judged_sentence(rules: list[str]) -> str:
@@ -135,18 +135,17 @@ def worst_rig(run: Run) -> tuple[Rig, list[str]]:
 
 def measured_of(run: Run, rig: Rig) -> Measured:
     """Return what a run measured about its own loop."""
-    period = block(run.summary, "period_us")
-    axes = block(run.summary, "axes")
+    period, axes = run.result.period_us, run.result.axes
     nominal = 1e6 * rig.period_s
     return Measured(
-        period_s=1e-6 * (number(period.get("p50")) or nominal),
-        worst_period_s=1e-6 * (number(period.get("p999")) or nominal),
+        period_s=1e-6 * (period.p50 or nominal),
+        worst_period_s=1e-6 * (period.p999 or nominal),
         # A simulated bus without hardware latches on the loop's slots, as a drive with a SYNC.
         latched=not any(load_driver(bus.driver).hardware for bus in rig.buses.values()),
         held_s={name: held_wall(run, name) * rig.period_s for name in rig.axes},
-        missed_cycles=int(number(run.summary.get("missed_cycles")) or 0),
-        lost={name: int(block(axes, name).get("lost", 0)) for name in rig.axes},
-        late={name: int(block(axes, name).get("late", 0)) for name in rig.axes},
+        missed_cycles=run.result.missed_cycles or 0,
+        lost={name: axes[name].lost or 0 if name in axes else 0 for name in rig.axes},
+        late={name: axes[name].late or 0 if name in axes else 0 for name in rig.axes},
         balance_j={
             name: balance
             for name in rig.axes

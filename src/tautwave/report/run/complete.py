@@ -24,9 +24,9 @@ _AXIS = {**dict.fromkeys(_GAINS, 1.0), **dict.fromkeys(_STORES + _LOSSES, -1.0)}
 _ARM = {"work": 1.0, "kinetic": -1.0, "potential": -1.0}
 
 
-def complete_summary(run: Run) -> dict[str, Any]:
+def complete_summary(run: Run) -> Summary:
     """Return a run's summary with what only its recording can tell."""
-    summary = dict(run.summary)
+    summary = plain_summary(run.result)
     rebuilt = rebuild_summary(run)
     pairs = {name: dict(block) for name, block in summary.get("pairs", {}).items()}
     for name, block in rebuilt.get("pairs", {}).items():
@@ -47,20 +47,18 @@ def complete_summary(run: Run) -> dict[str, Any]:
     summary["energy_j"] = energy
     if "operation" in summary:
         summary["operation"] = {**summary["operation"], "engaged_s": engaged_s(run)}
-    return summary
+    return checked(Summary, summary)
 
 
 def write_summary(run: Run) -> None:
-    """Replace `summary.json` by a run's summary, which is from then on what a reader finds there.
+    """Replace `summary.json` by a run's summary.
 
     Raises
     ------
     WritingError
         It cannot be written.
     """
-    summary = checked(Summary, run.summary)
-    write_file(run.directory, summary)
-    run.summary = plain_summary(summary)
+    write_file(run.directory, run.result)
 
 
 def load_energy(run: Run, side: str) -> dict[str, float]:

@@ -13,7 +13,7 @@ from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import WHOLE_CELLS, Run
 from tautwave.report.run.scratch import spread_columns
 from tautwave.report.units import number
-from tautwave.summary import plain_summary, read_summary
+from tautwave.summary import Summary, checked, read_summary
 
 LARGEST = 16 * 1024 * 1024
 """Bytes of rig.yaml: one of many pairs has some 100 kB."""
@@ -42,12 +42,12 @@ def load_run(directory: Path) -> Run:
     newer = formats.too_new("rig", rig.get("format"), formats.RIG)
     if newer is not None:
         raise RecordingError(f"{directory / 'rig.yaml'}: format {newer}")
-    run = Run(directory, rig, rig_text, summary, notes=notes)
+    run = Run(directory, rig, rig_text, summary or Summary(), notes=notes)
     path = directory / "recording.mcap"
     try:
         _attach(run, path)
     except (RecordingError, OSError) as error:
-        if not summary:
+        if summary is None:
             lacks = f"{broken} and" if broken else "no summary.json and"
             raise RecordingError(
                 f"{directory}: nothing to report: {lacks} no readable recording.mcap ({error})"
@@ -65,8 +65,8 @@ def load_run(directory: Path) -> Run:
             "The recording is cut short: its writer stopped before closing the file. "
             f"The {run.rows} rows that could be recovered are shown."
         )
-    if not summary:
-        run.summary = rebuild_summary(run)
+    if summary is None:
+        run.result = checked(Summary, rebuild_summary(run))
         notes.append(
             f"{f'{broken}.' if broken else MISSING} The numbers here are rebuilt from the "
             "recording; what only the loop knew, such as device faults and the reason of the end, "
@@ -134,14 +134,14 @@ def _rig(text: str, notes: list[str]) -> dict[str, Any]:
     return document.value
 
 
-def _summary(directory: Path, notes: list[str]) -> tuple[dict[str, Any], str]:
-    """Return a run's summary, empty where there is none that can be read; and why it cannot."""
+def _summary(directory: Path, notes: list[str]) -> tuple[Summary | None, str]:
+    """Return a run's summary, None where there is none that can be read; and why it cannot."""
     try:
         summary, wrong = read_summary(directory)
     except ConfigError as error:
-        return {}, str(error) if (directory / "summary.json").exists() else ""
+        return None, str(error) if (directory / "summary.json").exists() else ""
     notes += [f"{one}." for one in wrong[:MAX_WRONG]]
-    return plain_summary(summary), ""
+    return summary, ""
 
 
 def _said(error: ConfigError, path: Path) -> str:

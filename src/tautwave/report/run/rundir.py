@@ -19,7 +19,7 @@ from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.scratch import Scratch
 from tautwave.report.units import number
 from tautwave.runtime.operate.states import ENGAGED, STATES
-from tautwave.summary import Summary, summary_of
+from tautwave.summary import Summary
 from tautwave.summary.model import Pair, Side
 from tautwave.wording import CouplingMessages
 
@@ -37,14 +37,14 @@ SIDES: tuple[Side, Side] = ("master", "slave")
 class Run:
     """One finished, broken or partly recovered run. Times in s, everything else SI.
 
-    `whole` is the recording in memory, None where it is too long and read by columns instead;
-    `time` is its time column, `scratch` its columns spread out in a file.
+    `result` is its summary; `whole` the recording in memory, None where it is too long and read by
+    columns instead; `time` its time column, `scratch` its columns spread out in a file.
     """
 
     directory: Path
     rig: dict[str, Any]
     rig_text: str
-    summary: dict[str, Any]
+    result: Summary
     columns: tuple[str, ...] = ()
     rows: int = 0
     truncated: bool = False
@@ -53,14 +53,6 @@ class Run:
     whole: Recording | None = None
     time: Floats | None = None
     scratch: Scratch | None = None
-    _typed: tuple[dict[str, Any], Summary] | None = field(default=None, repr=False)
-
-    @property
-    def result(self) -> Summary:
-        """The summary as types."""
-        if self._typed is None or self._typed[0] is not self.summary:
-            self._typed = self.summary, summary_of(self.summary)[0]
-        return self._typed[1]
 
     def result_of(self, pair: str) -> Pair:
         """Return what the summary has on a pair; all of it unknown where it has nothing."""
@@ -116,10 +108,11 @@ class Run:
     @property
     def rate_hz(self) -> float:
         """Loop rate [Hz], NaN if unknown."""
-        for place in (self.rig, self.summary, self.metadata):
+        known = (self.rig.get("rate_hz"), self.result.rate_hz, self.metadata.get("rate_hz"))
+        for given in known:
             try:
-                rate = float(place["rate_hz"])
-            except (KeyError, TypeError, ValueError):
+                rate = float(given)  # type: ignore[arg-type]
+            except (TypeError, ValueError):
                 continue
             if rate > 0.0 and math.isfinite(rate):
                 return rate
@@ -137,13 +130,13 @@ class Run:
         return sorted(ends)
 
     @property
-    def site(self) -> str | None:
+    def site(self) -> Side | None:
         """Which of two sites recorded this, None where one machine ran both sides."""
         here = block(self.rig, "sites").get("here")
-        return str(here) if here in SIDES else None
+        return next((side for side in SIDES if side == here), None)
 
     @property
-    def sides(self) -> tuple[str, ...]:
+    def sides(self) -> tuple[Side, ...]:
         """The sides that were recorded."""
         return SIDES if self.site is None else (self.site,)
 

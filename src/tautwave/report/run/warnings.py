@@ -7,12 +7,13 @@ that was hardly engaged. A rig says in `expect` which of them are meant.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tautwave.laws.limit import AT_LIMIT
 from tautwave.report.run.conditions import met_rows
 from tautwave.report.run.rundir import Run, block, kind_of, pair_settings
 from tautwave.report.units import axis_units, number, quantity
+from tautwave.summary import Summary
 
 AT_LIMIT_SHARE = 0.2
 """Of the coupled cycles, at its limit."""
@@ -34,11 +35,11 @@ class Warned(NamedTuple):
     sentence: str
 
 
-def with_warnings(run: Run) -> dict[str, Any]:
+def with_warnings(run: Run) -> Summary:
     """Return a run's summary with `warnings`: sentences on what the rig does not expect."""
     expected = run.rig.get("expect") or ()
-    said = [one.sentence for one in warnings_of(run) if one.kind not in expected]
-    return {**run.summary, "warnings": said}
+    said = tuple(one.sentence for one in warnings_of(run) if one.kind not in expected)
+    return run.result.model_copy(update={"warnings": said})
 
 
 def warnings_of(run: Run) -> Iterator[Warned]:

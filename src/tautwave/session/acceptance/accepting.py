@@ -212,14 +212,14 @@ def _coupled(
         allow_unwatched=ways.allow_unwatched, configure=ways.configure, warn=talk.say,
         accepting=True,
     )  # fmt: skip
-    summary = result.summary
-    energy = summary.get("energy_j", {})
+    energy = result.summary.energy_j
     numbers: dict[str, float | str] = {
         "exit_code": float(result.exit_code),
         "outcome": result.why,
-        **{key: float(energy[key]) for key in ("residual", "generated") if key in energy},
     }
-    for pair, found in summary["pairs"].items():
-        if "position_error" in found:  # it has engaged
-            numbers[f"{pair}.position_error_rms"] = float(found["position_error"]["rms"])
+    books = {"residual": energy.residual, "generated": energy.generated}
+    numbers |= {key: value for key, value in books.items() if value is not None}
+    for pair, found in result.summary.pairs.items():
+        if found.position_error is not None and found.position_error.rms is not None:  # it engaged
+            numbers[f"{pair}.position_error_rms"] = found.position_error.rms
     yield Check(stage, rig.name, numbers, "a run that ends well", result.exit_code == 0)

@@ -172,25 +172,27 @@ def _rig_of(study: Study, condition: str) -> Rig:
 
 def _row(study: Study, trial: Trial, result: RunResult, success: bool | None) -> dict[str, Any]:
     summary = result.summary
-    episodes = summary["operation"]["episodes"]
-    one: dict[str, Any] = {"begin_s": 0.0, "end_s": 0.0, "success": None}
-    one |= episodes[0] if episodes else {}
-    said = one["success"] if success is None else success
+    episodes = () if summary.operation is None else summary.operation.episodes
+    one = episodes[0] if episodes else None
+    said = one.success if success is None and one is not None else success
     row: dict[str, Any] = {
         "participant": study.participant,
         "trial": trial.number,
         "condition": trial.condition,
         "repetition": trial.repetition,
         "task": study.protocol.task,
-        "started_utc": summary["started_utc"],
-        "outcome": summary["outcome"]["kind"],
+        "started_utc": summary.started_utc,
+        "outcome": summary.outcome.kind,
         "success": "" if said is None else str(bool(said)).lower(),
-        "seconds": round(one["end_s"] - one["begin_s"], 6),
+        "seconds": 0.0 if one is None else round(one.end_s - one.begin_s, 6),
     }
-    for pair, found in summary["pairs"].items():
+    for pair, found in summary.pairs.items():
         for measure in MEASURES:
-            for what, value in found.get(measure, {}).items():
-                row[f"{pair}.{measure}.{what}"] = value
+            size = getattr(found, measure)
+            if size is not None:
+                row |= {
+                    f"{pair}.{measure}.{what}": value for what, value in size if value is not None
+                }
     row["run"] = result.directory.name
     return row
 
