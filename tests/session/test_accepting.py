@@ -108,6 +108,19 @@ def test_a_motion_both_ways_is_small_and_nothing_is_kept_of_simulated_devices(
     assert not list(tmp_path.glob("*.accepted.json"))
 
 
+@pytest.mark.slow
+def test_an_axis_that_takes_velocity_is_driven_both_ways(tmp_path: Path) -> None:
+    data = yaml.safe_load(BENCH.with_name("bench-admittance-loopback.yaml").read_text())
+    data["simulation"]["environment"] = {"lever": {"type": "free"}}
+    rig = written(tmp_path, data)
+    done = accept(rig, "identity,motion", "0.1\n0.1\n", "--axis", "slave.lever")
+    assert done.exit_code == 0, done.output
+    for way in ("forward", "back"):
+        found = checks(rig)["motion", f"slave.lever {way}"]["measured"]
+        assert math.radians(0.5) < found["moved"] < math.radians(5.0)
+        assert found["ratio"] == pytest.approx(1.0, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("truth", "wrong"),
     [

@@ -17,7 +17,7 @@ from tautwave.errors import ConfigError, DeviceFault
 from tautwave.runtime.sensing import LoopBus
 from tautwave.session.acceptance.accepted import accepted_path, comparing, keep_accepted
 from tautwave.session.acceptance.document import Check
-from tautwave.session.acceptance.motion import MAX_SHARE, TOO_FAR, motions
+from tautwave.session.acceptance.motion import MAX_SHARE, MAX_SPEED, TOO_FAR, motions
 from tautwave.session.guided.control import GuidedControl
 from tests.session.test_calibrating import BENCH
 
@@ -188,20 +188,76 @@ def test_a_rig_without_hardware_says_nothing(tmp_path: Path) -> None:
     assert heard == []
 
 
-class Untouched:
-    """Control that nobody may use."""
+class Servo(Device):
+    """A drive that takes velocity and follows it after a while; `scale` of what it goes to that."""
 
-    def __getattr__(self, name: str) -> Any:
-        raise AssertionError(f"{name} of an axis that takes velocity")
+    def __init__(self, scale: float = 1.0, lag_s: float = 0.005, **signs: Any) -> None:
+        super().__init__(**signs)
+        self.scale, self.lag_s = scale, lag_s
+        self.wanted = 0.0
+
+    def drive(self, name: str, velocity: float) -> None:
+        self.wanted = velocity
+        self.most = max(self.most, abs(velocity))
+
+    def pass_slot(self) -> None:
+        goal = self.signs[3] * self.scale * self.wanted
+        self.v += (goal - self.v) * (1.0 - math.exp(-1e-3 / self.lag_s))
+        self.x += self.v * 1e-3
+        self.travel = max(self.travel, abs(self.x))
+        self.now_ns += PERIOD_NS
 
 
-def test_an_axis_that_takes_velocity_is_not_pushed_and_it_is_said() -> None:
-    rig: Any = SimpleNamespace(axes={"slave.lever": SimpleNamespace(causality="admittance")})
-    control: Any = Untouched()
-    steps = motions(rig, ["slave.lever"], control)
-    with pytest.raises(StopIteration) as ended:
-        next(steps)
-    (check,) = ended.value.value
-    assert (check.stage, check.what, check.good) == ("motion", "slave.lever", True)
-    assert check.measured["pushed"] == "no, it takes velocity"
-    assert all(stage in check.measured["instead"] for stage in ("stage hand", "stage gentle"))
+VELOCITY = load_rig(BENCH.with_name("bench-admittance-loopback.yaml"))
+TAKER = next(name for name, axis in VELOCITY.axes.items() if axis.causality == "admittance")
+
+
+def driven(device: Servo) -> list[Check]:
+    guide = motions(VELOCITY, [TAKER], cast(GuidedControl, device))
+    while True:
+        try:
+            next(guide)
+        except StopIteration as ended:
+            assert abs(device.wanted) < 1e-12
+            return list(ended.value)
+        device.pass_slot()
+
+
+@settings(max_examples=20)
+@given(lag_s=st.floats(1e-3, 0.05), scale=st.floats(0.9, 1.1))
+def test_an_axis_that_takes_velocity_is_driven_both_ways_and_stays_near(
+    lag_s: float, scale: float
+) -> None:
+    device = Servo(scale, lag_s)
+    found = driven(device)
+    assert [check.what for check in found] == [f"{TAKER} forward", f"{TAKER} back"]
+    assert all(check.good for check in found), found
+    assert device.travel <= TOO_FAR["rotary"]
+    assert 0.0 < device.most <= MAX_SPEED * VELOCITY.axes[TAKER].velocity_limit
+    assert abs(device.x) < 0.2 * device.travel  # it is back
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"position": -1}, "position"),
+        ({"velocity": -1.0}, "velocity"),
+        ({"commands": -1}, "position, velocity"),
+        ({"velocity": math.nan}, ""),
+        ({"scale": 1.8}, "ratio"),  # a unit of another scale
+        ({"scale": 0.55}, "ratio"),
+        ({"scale": 60.0}, "ratio"),  # turns a minute for turns a second
+        ({"scale": 0.0}, "position, velocity"),
+    ],
+)
+def test_a_velocity_the_other_way_or_in_other_units_is_told(
+    wrong: dict[str, Any], told: str
+) -> None:
+    device = Servo(**wrong)
+    for check in driven(device):
+        assert check.good == (not told), check
+        if told == "ratio":
+            assert cast(float, check.measured["ratio"]) == pytest.approx(device.scale, rel=0.1)
+        else:
+            assert check.measured.get("against the command", "") == told
+    assert device.travel <= TOO_FAR["rotary"]

@@ -112,10 +112,15 @@ def _meaning(
 
 def _number(file: DeviceFile, entry: Entry, node_id: int) -> int | None:
     value = file.number(entry, node_id)
-    return None if value == 0 and entry in _STATES_NOTHING else value
+    stated = value != 0 or entry not in _STATES_NOTHING or _has_value(file, entry)
+    return value if stated else None
 
 
 def _set_by(file: DeviceFile, row: Row) -> bool:
     """Return whether the file holds a parameter value of one of the objects."""
-    objects = (file.objects.get((entry.index, entry.sub)) for entry in row.entries)
-    return any(one is not None and one.value is not None and one.value.text for one in objects)
+    return any(_has_value(file, entry) for entry in row.entries)
+
+
+def _has_value(file: DeviceFile, entry: Entry) -> bool:
+    one = file.objects.get((entry.index, entry.sub))
+    return one is not None and one.value is not None and bool(one.value.text)

@@ -9,7 +9,7 @@ import pytest
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave_drivers import adapter
 from tautwave_drivers.can.keys import CanKeys
-from tautwave_drivers.can.latency import latency_s
+from tautwave_drivers.can.latency import latency_lines, latency_s
 from tautwave_drivers.canopen import CanopenOptions
 from tautwave_drivers.canopen.budget import budget
 from tautwave_drivers.canopen.options import Node
@@ -53,6 +53,54 @@ def test_a_latency_timer_counts_as_it_is(
     (path / "latency_timer").write_text(timer)
     keys = CanKeys(interface="slcan", channel="/dev/ttyUSB7")
     assert latency_s(keys) * 1e3 == pytest.approx(ms)
+
+
+USB_PATH = "devices/pci0000:00/0000:00:14.0/usb1/1-2/1-2:1.0"
+CHIP = "devices/platform/soc/spi0/spi0.0"
+
+
+@pytest.mark.parametrize(
+    ("driver", "place", "speed", "ms"),
+    [
+        ("gs_usb", USB_PATH, "12", 1.0),
+        ("gs_usb", USB_PATH, "480", 0.125),
+        ("peak_usb", USB_PATH, "480", 0.125),
+        ("kvaser_usb", USB_PATH, "5000", 0.125),
+        ("gs_usb", USB_PATH, None, 1.0),
+        ("gs_usb", USB_PATH, "garbage", 1.0),
+        ("one_that_nobody_knows", USB_PATH, "12", 1.0),
+        (None, USB_PATH, "12", 1.0),
+        ("mcp251xfd", CHIP, None, 0.0),
+        ("peak_pci", "devices/pci0000:00/0000:03:00.0", None, 0.0),
+    ],
+)
+def test_an_interface_of_the_kernel_is_judged_by_its_device(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    driver: str | None,
+    place: str,
+    speed: str | None,
+    ms: float,
+) -> None:
+    monkeypatch.setattr(adapter, "SYSFS", tmp_path)
+    device = tmp_path / place
+    device.mkdir(parents=True)
+    if speed is not None:
+        (device.parent / "speed").write_text(f"{speed}\n")
+    if driver is not None:
+        (tmp_path / "drivers" / driver).mkdir(parents=True)
+        (device / "driver").symlink_to(tmp_path / "drivers" / driver)
+    net = tmp_path / "class/net/can0"
+    net.mkdir(parents=True)
+    (net / "device").symlink_to(device)
+    keys = CanKeys(interface="socketcan", channel="can0")
+    assert latency_s(keys) * 1e3 == pytest.approx(ms)
+    assert latency_s(keys.model_copy(update={"usb_latency_s": 0.2e-3})) == 0.2e-3
+    lines = latency_lines(keys)
+    assert len(lines) == (ms > 0.0)
+    assert all(f"({driver or 'USB'}): answers up to {ms:g} ms late" in line for line in lines)
+    assert latency_s(CanKeys(interface="socketcan", channel="can1")) == 0.0
+    assert latency_s(CanKeys(interface="socketcan", channel="slcan0")) == 1e-3
 
 
 def test_the_budget_of_a_bus_counts_its_adapter() -> None:

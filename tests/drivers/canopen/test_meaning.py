@@ -11,9 +11,12 @@ import re
 
 import pytest
 
+from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DriverError
-from tautwave_drivers.canopen.setup.meaning import TABLE
-from tests.drivers.canopen.benches import block, make, node
+from tautwave_drivers.canopen.axis import Axis
+from tautwave_drivers.canopen.setup.meaning import ENTRIES, TABLE, verdicts
+from tautwave_drivers.cia402 import objects as o
+from tests.drivers.canopen.benches import block, driver_options, make, node
 from tests.drivers.canopen.foreign import Foreign, foreign, remedies
 from tests.foreign.cia402 import ForeignDrive, Key
 
@@ -31,7 +34,7 @@ OTHERS: dict[Key, tuple[int, ...]] = {
     (0x6076, 0): (500, 0, 499, 5000, 500_000),
     (0x6072, 0): (3000, 800, 799, 0),
     (0x60E0, 0): (3000, 800, 799, 0),
-    (0x60E1, 0): (3000, 800, 799, 0),
+    (0x60E1, 0): (3000, 800, 799, 0, 0x10000 - 800, 0x10000 - 799, 0xFFFF),
     (0x6080, 0): (5000, 144, 143, 0),
     (0x60B2, 0): (0, 300, -300),
     (0x60B0, 0): (0, 300),
@@ -47,7 +50,7 @@ FACTORS: dict[int, tuple[tuple[int, int], ...]] = {
     0x6094: ((1, 1), (2, 1)),
     0x6095: ((1, 1), (2, 1)),
     0x6096: ((1, 1), (3, 2)),
-    0x607B: ((0, 0), (-(1 << 31), (1 << 31) - 1), (0, 4095)),
+    0x607B: ((0, 0), (-(1 << 31), (1 << 31) - 1), (0, 4095), (-1_000_000_000, 1_000_000_000)),
 }
 """Values of the objects with two sub-indices."""
 
@@ -69,6 +72,7 @@ NEUTRAL: list[dict[Key, int]] = [
     {(0x6091, 0): 2, (0x6091, 1): 1, (0x6091, 2): 1},
     {(0x6092, 0): 2, (0x6092, 1): 40960, (0x6092, 2): 10},
     {(0x60E0, 0): 800, (0x60E1, 0): 800},
+    {(0x60E0, 0): 800, (0x60E1, 0): 0x10000 - 800},  # counted downwards
     {(0x60B2, 0): 300},
     {(0x6080, 0): 144},
 ]
@@ -116,6 +120,30 @@ def test_a_number_means_what_the_rig_says_or_the_drive_is_refused(
 @pytest.mark.parametrize("case", NEUTRAL, ids=named)
 def test_values_that_leave_everything_alone_are_not_refused(case: dict[Key, int]) -> None:
     measured_rightly(foreign(case), "impedance")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "jumps"),
+    [
+        (-1_000_000_000, 1_000_000_000, False),
+        (0, 4095, True),
+        (-5200, 5200, False),
+        (-5100, 5100, True),  # within a tenth of an end
+        (-5000, 4000, True),
+    ],
+)
+def test_ends_of_607b_far_outside_the_position_range_are_left(
+    low: int, high: int, jumps: bool
+) -> None:
+    """4096 counts a turn, a range of a turn either way."""
+    stated = {"id": 1, "rated_torque": 0.5, "counts_per_revolution": 4096}
+    options = driver_options({"interface": "virtual", "nodes": [stated]})
+    (one,) = options.nodes
+    spec = AxisSpec("a", 1, "rotary", "impedance", 0.4, 50.0, (-math.tau, math.tau))
+    read = dict.fromkeys(ENTRIES) | {o.MIN_WRAP: low, o.MAX_WRAP: high}
+    axis = Axis(spec, one, options, 1000.0)
+    said = [one.refusal for row, one in verdicts(read, axis) if o.MIN_WRAP in row.entries]
+    assert bool(said and said[0]) is jumps, said
 
 
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: row.entries[0].address)

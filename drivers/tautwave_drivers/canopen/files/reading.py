@@ -344,7 +344,7 @@ def _members(
         alone = not (members or compact or listed)
         if alone or (0 not in members and integer(parent.get("objecttype")) in _SINGLE):
             yield _object(sections, index, 0, parent, listed.pop(0, None))
-        elif parent.get("parametervalue"):
+        elif parent.get("parametervalue") and not _is_count(parent, members.get(0)):
             raise ConfigError(
                 f"{path}:{parent.fields['parametervalue'].line}: a ParameterValue in "
                 f"[{parent.name}], whose values belong to its sub-objects; correct it"
@@ -357,6 +357,13 @@ def _members(
         else:
             title = titles.get(sub)
             yield _object(sections, index, sub, own, listed.get(sub), title.text if title else "")
+
+
+def _is_count(parent: _Section, members: _Section | None) -> bool:
+    """Return whether an object's value is how many sub-objects it has, as sub-index 0 says too."""
+    count = integer(parent.get("parametervalue"))
+    said = None if members is None else members.get("parametervalue") or members.get("defaultvalue")
+    return count is not None and count == integer(said)
 
 
 def _listed(path: str, section: _Section | None) -> Iterator[tuple[int, Text]]:

@@ -179,10 +179,19 @@ def _home_offset(read: Read, axis: Axis) -> Verdict:
     )
 
 
+WRAP_SPARE = 0.1
+"""Of the span of 607Bh, beyond position_range on either side: no axis gets there in a run."""
+
+
 def _wrap(read: Read, axis: Axis) -> Verdict:
     low, high = read[o.MIN_WRAP], read[o.MAX_WRAP]
     if low == high or (low == -(1 << 31) and high == (1 << 31) - 1):
         return Verdict()
+    if low is not None and high is not None:
+        ends = [end / axis.scale.encoder_quantum for end in axis.spec.position_range]
+        spare = WRAP_SPARE * (high - low)
+        if low + spare <= min(ends) and max(ends) <= high - spare:
+            return Verdict()  # the run has stopped long before
     return Verdict(f"positions jump at these ends; set both to 0 {TOOL}")
 
 
@@ -415,6 +424,8 @@ def _torque_cap(entry: Entry) -> Callable[[Read, Axis], Verdict]:
             unlimited = entry == o.MAX_TORQUE
             said = f" has no {entry.address}: only this program limits its torque"
             return Verdict(note=said if unlimited else "")
+        if entry == o.NEGATIVE_TORQUE_LIMIT and (held < 0 or 0x8000 < held < 0xFFFF):
+            held = abs(held) if held < 0 else 0x10000 - held  # drives that count it downwards
         if held >= wanted_torque(axis):
             return Verdict()
         return Verdict(
@@ -442,7 +453,12 @@ def _speed_cap(read: Read, axis: Axis) -> Verdict:
 TABLE = (
     Row((o.POLARITY,), "the signs of 6064h, 606Ch and 60FFh", "0 alone", _polarity),
     Row((o.HOME_OFFSET,), "the zero of 6064h", "home_offset of the rig", _home_offset),
-    Row((o.MIN_WRAP, o.MAX_WRAP), "where 6064h wraps", "equal, or 32 bits", _wrap),
+    Row(
+        (o.MIN_WRAP, o.MAX_WRAP),
+        "where 6064h wraps",
+        "equal, 32 bits, or far outside position_range",
+        _wrap,
+    ),
     Row((o.POSITION_UNIT,), "6064h and 607Ah", "increments, or the rig's counts", _position_unit),
     Row(
         (o.GEAR_MOTOR, o.GEAR_SHAFT, o.FEED, o.FEED_REVOLUTIONS),

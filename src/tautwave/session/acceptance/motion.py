@@ -1,7 +1,8 @@
 """The motion check: a small known effort both ways against the signs of all that a device reports.
 
 What is commanded, the position, and velocity and motor effort where the device measures them, must
-agree. A drive whose positions alone are turned would make a coupling push away from its goal.
+agree. A drive whose positions alone are turned would make a coupling push away from its goal. An
+axis that takes velocity is driven instead, and goes as far as commanded if its units are right.
 """
 
 from __future__ import annotations
@@ -27,8 +28,25 @@ PAUSE_S = 0.3
 SEEN = 0.1
 """Share of the commanded effort below which a motor's own reading has no sign."""
 
-TAKES_VELOCITY = "no, it takes velocity"
-INSTEAD = "stage hand for the sign of its position, stage gentle for that of its velocity"
+DRIVE_S, RAMP_S = 0.5, 0.1
+"""How long an axis that takes velocity is driven one way, and how fast its velocity changes."""
+MAX_SPEED = 0.1
+"""Of the velocity limit at most."""
+SCALE_ERROR = 0.2
+"""By how much the way may differ from the commanded one, beside encoder steps and noise."""
+
+
+class Driven(NamedTuple):
+    """A motion at a commanded velocity: the way commanded and gone, both along it [rad or m].
+
+    `velocity` is what the device reported of its own [rad/s or m/s], NaN if it does not; `travel`
+    the farthest from the start.
+    """
+
+    commanded: float
+    moved: float
+    velocity: float
+    travel: float
 
 
 class Pushed(NamedTuple):
@@ -48,24 +66,22 @@ class Pushed(NamedTuple):
 def motions(
     rig: Rig, axes: Sequence[str], control: GuidedControl
 ) -> Generator[None, None, list[Check]]:
-    """Push each axis both ways by at most 5 degrees (5 mm); compare all signs with the push.
-
-    One that takes velocity cannot be pushed, and its check says what looks at its signs instead.
-    """
-    if any(rig.axes[name].causality == "impedance" for name in axes):
-        yield from control.ask(
-            "each axis that takes effort is pushed both ways by a degree or two (1 mm), with at "
-            f"most {MAX_SHARE:g} of its effort limit; keep clear, then press Enter"
-        )
+    """Push or drive each axis both ways by at most 5 degrees (5 mm), and compare all signs."""
+    yield from control.ask(
+        "each axis is moved both ways by a degree or two (1 mm), with at most "
+        f"{MAX_SHARE:g} of its effort limit or {MAX_SPEED:g} of its velocity limit; keep clear, "
+        "then press Enter"
+    )
     checks = []
     for name in axes:
-        if rig.axes[name].causality != "impedance":
-            numbers: dict[str, float | str] = {"pushed": TAKES_VELOCITY, "instead": INSTEAD}
-            checks.append(Check("motion", name, numbers, "no push", True))
-            continue
+        axis = rig.axes[name]
         for way, word in ((1.0, "forward"), (-1.0, "back")):
-            pushed = yield from _push(rig.axes[name], name, way, control)
-            checks.append(judged(f"{name} {word}", pushed, rig.axes[name]))
+            if axis.causality == "impedance":
+                pushed = yield from _push(axis, name, way, control)
+                checks.append(judged(f"{name} {word}", pushed, axis))
+            else:
+                driven = yield from _drive(axis, name, way, control)
+                checks.append(judged_drive(f"{name} {word}", driven, axis))
     return checks
 
 
@@ -90,12 +106,65 @@ def judged(what: str, pushed: Pushed, axis: Axis) -> Check:
                  not wrong)  # fmt: skip
 
 
+def judged_drive(what: str, driven: Driven, axis: Axis) -> Check:
+    """Return whether an axis went the way of its commanded velocity, and as far."""
+    ratio = driven.moved / driven.commanded
+    numbers: dict[str, float | str] = {
+        "commanded": driven.commanded, "moved": driven.moved, "ratio": ratio
+    }  # fmt: skip
+    wrong = [] if driven.moved > 0.0 else ["position"]
+    if math.isfinite(driven.velocity):
+        numbers["velocity"] = driven.velocity
+        wrong += ["velocity"] if driven.velocity <= 0.0 else []
+    if driven.travel > TOO_FAR[axis.kind]:
+        wrong.append("travel")
+    if wrong:
+        numbers["against the command"] = ", ".join(wrong)
+    allowed = SCALE_ERROR + STEPS_SEEN * _step_of(axis) / driven.commanded
+    return Check("motion", what, numbers, f"all along the command, ratio 1 within {allowed:.2g}",
+                 not wrong and abs(ratio - 1.0) <= allowed)  # fmt: skip
+
+
+def _step_of(axis: Axis) -> float:
+    return max(axis.encoder_quantum, axis.position_noise)
+
+
+def _drive(
+    axis: Axis, name: str, way: float, control: GuidedControl
+) -> Generator[None, None, Driven]:
+    """Command a small velocity until it should have gone far enough, or has gone too far."""
+    period = 1e-9 * control.run.period_ns
+    most = TOO_FAR[axis.kind]
+    far = min(max(FAR[axis.kind], 5.0 * STEPS_SEEN * _step_of(axis)), 0.5 * most)
+    speed = min(MAX_SPEED * axis.velocity_limit, far / DRIVE_S)
+    yield from _wait(control, PAUSE_S)
+    start = control.position(name)
+    now = commanded = travel = 0.0
+    velocities: list[float] = []
+    going = True
+    while going or now > 0.0:
+        going = going and commanded < far
+        change = speed * period / RAMP_S
+        now = min(speed, now + change) if going else max(0.0, now - change)
+        if travel > 0.5 * most:  # it goes farther than it was commanded: no ramp
+            now, going = 0.0, False
+        control.drive(name, way * now)
+        yield
+        commanded += now * period
+        travel = max(travel, abs(control.position(name) - start))
+        if now == speed:
+            velocities.append(way * control.witness(name)[0])
+    yield from _wait(control, PAUSE_S)
+    moved = way * (control.position(name) - start)
+    return Driven(commanded, moved, _last(velocities), max(travel, abs(moved)))
+
+
 def _push(
     axis: Axis, name: str, way: float, control: GuidedControl
 ) -> Generator[None, None, Pushed]:
     """Push with an effort that grows until the axis has moved, then take the impulse back."""
     period = 1e-9 * control.run.period_ns
-    far = max(FAR[axis.kind], STEPS_SEEN * max(axis.encoder_quantum, axis.position_noise))
+    far = max(FAR[axis.kind], STEPS_SEEN * _step_of(axis))
     yield from _wait(control, PAUSE_S)
     start, begun = control.position(name), control.now_ns
     impulse = share = moved = 0.0

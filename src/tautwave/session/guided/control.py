@@ -70,6 +70,7 @@ class GuidedControl(Control):
         self._guarded = guarded
         self._seated = [False] * len(params)
         self._push = [0.0] * len(params)
+        self._drive = [0.0] * len(params)
         self._shown_ns = -SHOW_NS
         self._slot = 0
         self._places = {name.name: at for at, name in enumerate(names)}
@@ -106,6 +107,10 @@ class GuidedControl(Control):
         """Push an axis along its position [N m or N], until the next call."""
         self._push[self._places[name]] = effort
 
+    def drive(self, name: str, velocity: float) -> None:
+        """Have an axis that takes velocity go at one [rad/s or m/s], until the next call."""
+        self._drive[self._places[name]] = velocity
+
     def ask(self, question: str) -> Generator[None, None, str]:
         """Ask, and pass slots until there is an answer."""
         self.number += 1
@@ -141,6 +146,8 @@ class GuidedControl(Control):
         for which, (s, p) in enumerate(zip(self.axes, self.params, strict=True)):
             effort = -self._push[which] if going and s.valid else 0.0
             send_resting(s, p, effort, p.ceiling, pushes=True)
+            if going and s.valid and not (p.impedance or s.dead):
+                s.command = self._drive[which]
         return True
 
     def fill(self, row: Row, at: int) -> None:
