@@ -12,7 +12,7 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
-from tautwave_drivers import adapter
+from tautwave import latency_timer
 from tautwave_drivers.adapter import USB_S, adapter_of
 from tautwave_drivers.can.keys import CanKeys
 
@@ -39,7 +39,7 @@ class KernelAdapter(NamedTuple):
 
 def kernel_adapter(channel: str) -> KernelAdapter:
     """Return what is behind an interface of the kernel; vcan and what is not there add nothing."""
-    device = adapter.SYSFS / "class/net" / channel / "device"
+    device = latency_timer.SYSFS / "class/net" / channel / "device"
     if "/" in channel or not device.exists():
         return _serial_line(channel)
     path = Path(os.path.realpath(device))

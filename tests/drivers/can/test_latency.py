@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tautwave import latency_timer
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave_drivers import adapter
 from tautwave_drivers.can.keys import CanKeys
@@ -82,7 +83,7 @@ def test_an_interface_of_the_kernel_is_judged_by_its_device(
     speed: str | None,
     ms: float,
 ) -> None:
-    monkeypatch.setattr(adapter, "SYSFS", tmp_path)
+    monkeypatch.setattr(latency_timer, "SYSFS", tmp_path)
     device = tmp_path / place
     device.mkdir(parents=True)
     if speed is not None:

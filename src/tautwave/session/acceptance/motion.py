@@ -136,7 +136,7 @@ def _drive(
     period = 1e-9 * control.run.period_ns
     most = TOO_FAR[axis.kind]
     far = min(max(FAR[axis.kind], 5.0 * STEPS_SEEN * _step_of(axis)), 0.5 * most)
-    speed = min(MAX_SPEED * axis.velocity_limit, far / DRIVE_S)
+    speed = min(MAX_SPEED * (axis.velocity_limit or math.inf), far / DRIVE_S)
     yield from _wait(control, PAUSE_S)
     start = control.position(name)
     now = commanded = travel = 0.0
