@@ -11,7 +11,7 @@ import os
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from tautwave.latency_timer import SYSFS, read_ms, timer_file
+from tautwave.latency_timer import SYSFS, read_integer, timer_file
 
 USB_S = 0.001
 """[s] Latency timer of an FTDI adapter as it should be set, and a frame of the bus."""
@@ -28,7 +28,7 @@ class Adapter(NamedTuple):
     @property
     def found_s(self) -> float | None:
         """[s] The latency timer as it is; None without one."""
-        found_ms = None if self.timer is None else read_ms(self.timer)
+        found_ms = None if self.timer is None else read_integer(self.timer)
         return None if found_ms is None else found_ms * 1e-3
 
     @property

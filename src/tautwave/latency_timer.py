@@ -27,9 +27,9 @@ def timer_file(port: str | Path, sysfs: Path = SYSFS) -> Path | None:
     return path if path.is_file() else None
 
 
-def read_ms(timer: Path) -> int | None:
-    """Return a timer as it is [ms]; None where it cannot be read."""
+def read_integer(path: Path) -> int | None:
+    """Return what a file of sysfs shows, such as a timer [ms]; None where that is no integer."""
     try:
-        return int(timer.read_text())
+        return int(path.read_text())
     except (OSError, ValueError):
         return None

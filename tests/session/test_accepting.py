@@ -355,7 +355,7 @@ def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
 
 
 def with_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
-    talk.hears("is pushed both ways")
+    talk.hears("is moved both ways")
     talk.types()
     talk.hears("gets a tenth")
     talk.types()

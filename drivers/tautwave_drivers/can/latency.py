@@ -49,10 +49,8 @@ def kernel_adapter(channel: str) -> KernelAdapter:
     speed = next((one for one in speeds if one.is_file()), None)
     if driver not in USB_DRIVERS and "/usb" not in str(path):
         return KernelAdapter(driver, 0.0)
-    try:
-        fast = speed is not None and float(speed.read_text()) >= 480.0
-    except (OSError, ValueError):
-        fast = False
+    rate = None if speed is None else latency_timer.read_integer(speed)  # [Mbit/s]; 1.5 is slow
+    fast = rate is not None and rate >= 480
     return KernelAdapter(driver or "USB", HIGH_SPEED_S if fast else USB_S)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tautwave.config.guard import parse_json
-from tautwave.latency_timer import read_ms, timer_file
+from tautwave.latency_timer import read_integer, timer_file
 from tautwave.session.doctor.finding import BARS, COSTS, GOOD, UNKNOWN, Finding
 
 LONGEST_TIMER_MS = 1
@@ -47,7 +47,7 @@ def serial_port(port: str, root: Path) -> Iterator[Finding]:
             f"sudo usermod -aG {_group(path)} $USER   # then log in again",
         )  # fmt: skip
     timer = timer_file(path, root / "sys")
-    found_ms = None if timer is None else read_ms(timer)
+    found_ms = None if timer is None else read_integer(timer)
     if timer is None or found_ms is None:
         yield Finding(port, GOOD, "no latency timer")
     elif found_ms <= LONGEST_TIMER_MS:
