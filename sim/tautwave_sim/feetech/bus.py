@@ -20,7 +20,7 @@ from tautwave_sim.wire.serial import SerialLine, Transmission, wire_ns
 from tautwave_sim.wire.serial_faults import LINE_KINDS, Event, FaultPlan
 
 ALL = 0xFE
-PING, READ, WRITE, REG_WRITE, ACTION, RESET = 0x01, 0x02, 0x03, 0x04, 0x05, 0x0A
+PING, READ, WRITE, REG_WRITE, ACTION, CALIBRATE = 0x01, 0x02, 0x03, 0x04, 0x05, 0x0B
 SYNC_READ, SYNC_WRITE = 0x82, 0x83
 SILENCE_NS = 100_000_000
 """A packet begun is given up after this much silence."""
@@ -270,5 +270,8 @@ def _execute(servo: Servo, packet: Packet) -> bytes | None:
         held, servo.registered = servo.registered, None
         if held is not None:
             servo.write(*held)
+        return b""
+    if instruction == CALIBRATE and len(params) == 2:
+        servo.calibrate(int.from_bytes(params, "little"))
         return b""
     return None

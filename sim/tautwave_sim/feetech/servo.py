@@ -189,7 +189,8 @@ class Servo:
             if at < t.EEPROM_END and unlocked:
                 self.saved[at] = value
         if self.memory[t.TORQUE] == 128:
-            self._calibrate()
+            self.memory[t.TORQUE] = 0
+            self.calibrate(2048)
         if was_on and not self.torque_on:
             self._forgive()
         if self.torque_on and not was_on:
@@ -197,11 +198,10 @@ class Servo:
         self._measured = None if address <= t.OFFSET + 1 < address + len(data) else self._measured
         self._act()
 
-    def _calibrate(self) -> None:
-        """Make where it stands 2048, by its offset: what 128 in torque(40) is for."""
-        self.memory[t.TORQUE] = 0
+    def calibrate(self, counts: int) -> None:
+        """Make where it stands `counts` by its offset, for good: so does 128 in torque(40)."""
         raw = self._raw(self.axis.physics.x) % 4096
-        held = magnitude(raw - 2048, self.model.offset_sign)
+        held = magnitude(raw - counts, self.model.offset_sign)
         self._put(t.OFFSET, held)
         self.saved[t.OFFSET : t.OFFSET + 2] = held.to_bytes(2, "little")
         self._measured = None
