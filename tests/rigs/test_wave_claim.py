@@ -254,19 +254,19 @@ def test_a_stop_whose_damping_acts_on_noise_claims_its_power() -> None:
 
 
 STALLED = (
-    "seed=194", "loop.overrun_limit=20", "coupling.delay_s=0",
+    "seed=195", "loop.overrun_limit=20", "coupling.delay_s=0",
     "coupling.pairs.lever.wave_impedance=0.2",
     "slave.axes.lever.environment_stiffness_upper=243",
     "simulation.environment.lever={type: spring, stiffness: 243, position: 0}",
     "simulation.hand.lever.reference={type: multisine, ramp_s: 0.05, "
-    "components: [[5.48829, 0.240934, 0]]}",
+    "components: [[7.0, 0.240934, 0]]}",
     "simulation.faults.overrun_probability=0.01", "simulation.faults.overrun_slots=19",
 )  # fmt: skip
 
 
 def test_a_host_that_stalls_may_press_a_drive_into_a_spring() -> None:
-    """A drive that takes velocity goes on with it: 1.45 J of the spring's came back, of 465 mJ."""
+    """A drive that takes velocity goes on with it: 1.28 J of the spring came back, of 465 mJ."""
     loaded = rig(*STALLED, name="bench-admittance-loopback")
-    rows = simulate(loaded, duration_s=0.4, engine="python")
+    rows = simulate(loaded, duration_s=0.5, engine="python")
     given = float((-rows["slave.lever.port_energy"]).max())
     assert 1.0 < given < claimed_joules(loaded, "slave.lever", command_delays(loaded))

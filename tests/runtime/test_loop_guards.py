@@ -279,20 +279,25 @@ def test_engaging_waits_for_both_samples() -> None:
     assert bench.efforts(bench.hand)[:3] == [0.0] * 3
 
 
-def test_the_engage_ramp_bounds_every_effort() -> None:
+def test_the_engage_ramp_bounds_every_effort_but_what_resists_a_device_on_its_way_out() -> None:
+    """Out for ten periods, back for ten, and out on the other side."""
     limit = WIDE._replace(effort=2.0)
     bench = Bench(
         cycles=100, engage=50, release=0, master=site(b=1000.0, limit=limit),
-        hand={"positions": lambda axis, k: 0.01 * k},
+        hand={"positions": lambda axis, k: 0.01 * (10 - abs(k - 10))},
     )  # fmt: skip
     bench.loop.run()
     efforts = bench.efforts(bench.hand)
     for k in range(50):
-        assert abs(efforts[k]) <= 2.0 * (k + 1) / 50 + 1e-12
+        back = 10 < k <= 20
+        assert abs(efforts[k]) <= (2.0 * (k + 1) / 50 + 1e-12 if back else 2.0)
+    assert efforts[5] == pytest.approx(-2.0)  # it acts against the way out, in full
+    assert efforts[30] == pytest.approx(2.0)
     assert abs(efforts[60]) == pytest.approx(2.0)
 
 
 def test_ramps_that_overlap_multiply() -> None:
+    """And once their product falls, nothing exceeds it."""
     limit = WIDE._replace(effort=2.0)
     bench = Bench(
         cycles=30, engage=20, release=20, master=site(b=1000.0, limit=limit),
@@ -301,4 +306,4 @@ def test_ramps_that_overlap_multiply() -> None:
     bench.loop.run()
     for k, effort in enumerate(bench.efforts(bench.hand)[:30]):
         share = min(1.0, (k + 1) / 20) * min(1.0, (30 - k) / 20)
-        assert abs(effort) <= 2.0 * share + 1e-12
+        assert abs(effort) <= (2.0 * share + 1e-12 if k > 15 else 2.0)

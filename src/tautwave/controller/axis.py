@@ -25,6 +25,7 @@ from tautwave.laws.limit import (
     guard_axis,
     limit_effort,
     limited_by,
+    rising_bound,
     share_effort,
 )
 from tautwave.laws.ramp import stall_ceiling
@@ -43,6 +44,8 @@ from tautwave.laws.wall import wall_depth, wall_effort, wall_loss, wall_stored
 def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> None:
     """Begin at a measured position, nothing stored; the coupling's own part is its `start`."""
     s.position = position
+    s.begun = position
+    s.risen = 0.0
     s.outside = outside
     if math.isnan(outside):
         s.outside = 0.0
@@ -318,15 +321,20 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     if site.compensates or site.lightens:
         port = port + support
     wanted = wall + port
-    bound = ceiling
+    top = ceiling
+    if ceiling < p.ceiling:
+        top = rising_ceiling(s, p, wanted, coast, ceiling)
+    else:
+        s.risen = ceiling
+    bound = top
     if not -site.sure <= wanted <= site.sure:
-        bound = stall_ceiling(site.stall, s.velocity, coast, wanted, ceiling)
+        bound = stall_ceiling(site.stall, s.velocity, coast, wanted, top)
     total = limit_effort(site.limit, wanted, s.total, bound)
     s.limited = 0
     if total != wanted:
-        s.limited = limited_by(site.limit, wanted, s.total, ceiling)
-        if bound < ceiling and math.fabs(wanted) > bound:
-            s.limited = STALL_BOUND | limited_by(site.limit, clamp(wanted, bound), s.total, ceiling)
+        s.limited = limited_by(site.limit, wanted, s.total, top)
+        if bound < top and math.fabs(wanted) > bound:
+            s.limited = STALL_BOUND | limited_by(site.limit, clamp(wanted, bound), s.total, top)
         port = share_effort(wall, port, total)
         wall = total - port
     elif not -site.limit.effort < wanted < site.limit.effort:
@@ -345,6 +353,27 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     s.wall_effort = wall
     s.command = -total
     return 0
+
+
+def rising_ceiling(
+    s: AxisState, p: AxisParams, asked: float, coast: float, ceiling: float
+) -> float:
+    """Return the bound of an effort under a ceiling that is not at its end [N m or N].
+
+    One that falls, in a release or because it is tuned, is the bound itself.
+    """
+    risen = s.risen
+    s.risen = ceiling
+    if not ceiling > risen:
+        s.risen = p.ceiling  # for good: none but the engage ramp lets an effort exceed it
+        return ceiling
+    site = p.site
+    moved = s.position - s.begun
+    moved = moved - clamp(moved, site.still)
+    bound = rising_bound(site.limit, asked, s.total, moved, coast, site.half_mobility, ceiling)
+    if bound > p.ceiling:
+        return p.ceiling
+    return bound
 
 
 def think_velocity(

@@ -148,13 +148,16 @@ class AxisState:
     N] (`total` of an admittance axis: its velocity), `tag` a number that the coupling put beside
     it. What acted since the last sample is summed up: `count` slots and efforts. `waited` are the
     slots of the interval before, `ramped` those of this one over which a stop's ramp has gone
-    already. `end` is the coupling's own state here, and its steps leave the code of a reason to
-    stop in `alarm`, with two numbers for its sentence in `found` and `allowed`. `limited` says by
-    bits of `laws.limit` why less than what coupling and wall ask for is sent. `dead`: its device
+    already. The pair engaged at the position `begun`; the engage ramp's ceiling was `risen`. `end`
+    is the coupling's own state here, and its steps leave the code of a reason to stop in `alarm`,
+    with two numbers for its sentence in `found` and `allowed`. `limited` says by bits of
+    `laws.limit` why less than what coupling and wall ask for is sent. `dead`: its device
     is in fault.
     """
 
     position: float = 0.0
+    begun: float = 0.0
+    risen: float = 0.0
     outside: float = 0.0
     velocity: float = 0.0
     wall_velocity: float = 0.0

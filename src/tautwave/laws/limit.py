@@ -79,6 +79,54 @@ def effort_bound(p: LimitParams, ceiling: float) -> float:
     return p.effort
 
 
+def rising_bound(
+    p: LimitParams,
+    asked: float,
+    last: float,
+    moved: float,
+    along: float,
+    half_mobility: float,
+    ceiling: float,
+) -> float:
+    """Return the greatest effort while the engage ramp's ceiling rises [N m or N].
+
+    The ceiling is for what pushes. An effort that resists may exceed it, or a device that engages
+    in front of a loaded spring is thrown: it may be as large as stops the device in the period in
+    which it acts, and what it grew to may stay. Resisting is both, against the velocity and against
+    the way since the pair engaged: a velocity alone is as often noise.
+
+    Parameters
+    ----------
+    p : LimitParams
+        Limits of the axis.
+    asked, last : float
+        Resisting efforts requested and sent last [N m or N].
+    moved : float
+        Way since the pair engaged, beyond what noise and steps feign, else 0 [rad or m].
+    along : float
+        Mean velocity in the period in which the effort acts, without it [rad/s or m/s].
+    half_mobility : float
+        T / (2 m), m the lower bound of the inertia [s/kg or s/(kg m**2)].
+    ceiling : float
+        The ramp's [N m or N].
+    """
+    if not asked * moved > 0.0:
+        return ceiling
+    bound = ceiling
+    if last * asked > 0.0:
+        kept = math.fabs(last)
+        if kept > bound:
+            bound = kept
+    if along * asked > 0.0:
+        stops = math.fabs(along)
+        if stops > half_mobility * p.effort:
+            return p.effort
+        stops = stops / half_mobility
+        if stops > bound:
+            bound = stops
+    return bound
+
+
 def slew(value: float, last: float, step: float) -> float:
     """Return `value` where it is within `step` of `last`, else as near to it as a step allows."""
     rise = value - last

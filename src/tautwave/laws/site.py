@@ -35,7 +35,8 @@ class SiteParams(NamedTuple):
     (0: none). `compensation` of the device's friction, if it `compensates`; `inertia` that is
     taken off, if it `lightens`. `clip` and `wall_clip` are what the coupling's effort and the
     wall's are clipped at, each by itself [N m or N]; infinite: by the limits of both alone. `stall`
-    bounds all of the effort for a host that stalls; up to `sure` [N m or N] that never binds.
+    bounds all of the effort for a host that stalls; up to `sure` [N m or N] that never binds. A
+    device that is `still` [rad or m] or less away from a place may not have left it.
     """
 
     period: float
@@ -53,6 +54,7 @@ class SiteParams(NamedTuple):
     wall_clip: float = math.inf
     stall: StallParams = NO_STALL
     sure: float = math.inf
+    still: float = 0.0
 
 
 def render_wall(

@@ -200,6 +200,10 @@ def follower_params(rig: Rig, axis_name: str, delay: CommandDelay) -> FollowerPa
     return FollowerParams(has.period, stiffness, lead, low, high)
 
 
+STILL_DEVIATIONS, STILL_STEPS = 6.0, 2.0
+"""How far apart two readings of a device at rest may be, in deviations and steps of its encoder."""
+
+
 def bare_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
     """Return the constants of an axis without a wall that takes efforts."""
     axis = rig.axes[axis_name]
@@ -213,6 +217,7 @@ def bare_site(rig: Rig, axis_name: str, delay: CommandDelay) -> SiteParams:
         gain=velocity_gain(rig, axis),
         velocity_quantum=0.0,
         has_wall=False,
+        still=STILL_DEVIATIONS * axis.position_noise + STILL_STEPS * axis.encoder_quantum,
     )
 
 
