@@ -20,8 +20,10 @@ from tautwave.truth import ArmModel, AxisModel, PositionLoop
 from tautwave.types import JointState
 from tautwave_sim.loaded import ArmPhysics, JointPhysics, LoadedPhysics
 from tautwave_sim.physics import (
+    NO_LAW,
     ContactPhysics,
     ImposedPhysics,
+    MotorLaw,
     OutsidePhysics,
     Physics,
     PlantPhysics,
@@ -140,6 +142,9 @@ class SimulatedAxis:
         self._pipe = deque([0.0] * whole)
         self._acting = 0.0
         self._command = 0.0
+        self._law = self._acting_law = NO_LAW
+        self._laws = deque([NO_LAW] * whole)
+        self._obeys = False
         self._loop = loop
         self._step = self.physics.step
         self._loop_steps = 1
@@ -168,11 +173,14 @@ class SimulatedAxis:
             self.sensor.begin(self.physics, *self._hand)
         self.columns = self._columns()
 
-    def command(self, value: float) -> None:
+    def command(self, value: float, law: MotorLaw = NO_LAW) -> None:
         """Take an effort (impedance) or a velocity (admittance) for the slots to come.
 
-        With a position loop of its own it takes a position; NaN: it stays where it is to go.
+        With a position loop of its own it takes a position; NaN: it stays where it is to go. What
+        an impedance axis' motor does by itself comes with the effort, and acts beside it.
         """
+        self._law = law
+        self._obeys = self._obeys or law is not NO_LAW
         if self._loop is not None:
             if not math.isnan(value):
                 self._command = value
@@ -227,16 +235,31 @@ class SimulatedAxis:
         if self._pipe:
             self._pipe.append(command)
             command = self._pipe.popleft()
+        law = self._law_now() if self._obeys else NO_LAW
         if self._grasp is not None:
             command += self._grasp(self.physics.x, self.physics.v, self.period)
         if self._late > 0.0:
             late = self._late * self.period
+            if self._obeys:
+                self.physics.obey(self._acting_law)
             self._step(self._acting, reference, rate, late)
+            if self._obeys:
+                self.physics.obey(law)
+                self._acting_law = law
             self._step(command, reference + rate * late, rate, self.period - late)
             self._acting = command
         else:
+            if self._obeys:
+                self.physics.obey(law)
             self._step(command, reference, rate, self.period)
         self._arrive()
+
+    def _law_now(self) -> MotorLaw:
+        """Return the law that comes to act in this slot, as late as the effort beside it."""
+        if not self._laws:
+            return self._law
+        self._laws.append(self._law)
+        return self._laws.popleft()
 
     def _move_to(self, command: float, reference: float, rate: float, h: float) -> None:
         """Move by `h` under the drive's own position loop."""

@@ -14,7 +14,7 @@ from tautwave.models.load import LoadParams, load_effort, load_energy
 from tautwave.models.plant import plant_forces, plant_stored
 from tautwave.models.plant_params import PlantParams
 from tautwave.truth import ArmModel
-from tautwave_sim.physics import Physics, PhysicsAround
+from tautwave_sim.physics import NO_LAW, MotorLaw, Physics, PhysicsAround
 
 
 class LoadedPhysics(PhysicsAround):
@@ -55,7 +55,8 @@ class JointPhysics:
     """One joint of an arm, as a simulated axis sees it; `kinetic` is what it gave to the arm."""
 
     def __init__(self, plant: PlantParams, x: float) -> None:
-        self.plant = plant
+        self.plant = self.acting = plant
+        self._law = NO_LAW
         self.asked: list[tuple[float, float, float, float]] = []
         self.arm: ArmPhysics | None = None
         self.x = x
@@ -64,8 +65,15 @@ class JointPhysics:
         self.hand_work = self.motor_work = 0.0
         self.grip_loss = self.viscous_loss = self.coulomb_loss = self.environment_loss = 0.0
 
+    def obey(self, law: MotorLaw) -> None:
+        """Have the motor's damper act from now on; its spring is held over a step."""
+        self._law = law
+        self.acting = self.plant._replace(viscous=self.plant.viscous + law.damping)
+
     def step(self, command: float, reference: float, rate: float, h: float) -> None:
         """Ask for a step of `h`; the arm makes it once all of its joints have asked."""
+        if self._law is not NO_LAW:
+            command += self._law.stiffness * (self._law.anchor - self.x)
         self.asked.append((command, reference, rate, h))
         if self.arm is not None:
             self.arm.step()
@@ -75,9 +83,12 @@ class JointPhysics:
         self.x = x
         self.v = v
         self.hand_work += flows.hand_work
-        self.motor_work += flows.motor_work
+        own = flows.viscous_loss
+        if self._law.damping > 0.0:
+            own *= self.plant.viscous / self.acting.viscous
+        self.motor_work += flows.motor_work - (flows.viscous_loss - own)
         self.grip_loss += flows.grip_loss
-        self.viscous_loss += flows.viscous_loss
+        self.viscous_loss += own
         self.coulomb_loss += flows.coulomb_loss
         self.environment_loss += flows.environment_loss
         self.given += flows.given
@@ -114,15 +125,17 @@ class ArmPhysics:
     def __init__(self, model: ArmModel, joints: Sequence[JointPhysics]) -> None:
         self._chain = model.chain
         self._joints = joints
-        self._plants = tuple(joint.plant for joint in joints)
         self._x = [joint.x for joint in joints]
         self._v = [0.0] * len(joints)
         self._before = list(self._v)
-        self._place = place_chain(self._chain, self._plants, self._x)
+        self._place = place_chain(self._chain, self._plants(), self._x)
         self._bottom = self._place.potential
         self.outside: Outside | None = None
         names = ("kinetic", "potential", "work")
         self.columns = [f"arm.{model.name}.{name}" for name in names]
+
+    def _plants(self) -> tuple[PlantParams, ...]:
+        return tuple([joint.acting for joint in self._joints])
 
     def step(self) -> None:
         """Move all joints on, if all have asked."""
@@ -138,7 +151,7 @@ class ArmPhysics:
             ]
         guess = [2.0 * v - old for v, old in zip(self._v, self._before, strict=True)]
         x, v, flows, self._place = chain_step(
-            self._chain, self._plants, self._place, self._x, self._v, guess, acting, span
+            self._chain, self._plants(), self._place, self._x, self._v, guess, acting, span
         )
         self._before, self._x, self._v = self._v, x, v
         for joint, at, speed, flow in zip(self._joints, x, v, flows, strict=True):

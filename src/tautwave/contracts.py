@@ -7,7 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
-from tautwave.types import AxisCommand, BusElement, CommandDelay, Fault, Imposed, JointState, Survey
+from tautwave.types import (
+    AxisCommand,
+    BusElement,
+    CommandDelay,
+    Damper,
+    Fault,
+    Imposed,
+    JointState,
+    Survey,
+)
 
 READ_SHARE = 0.8
 """Share of a loop period after which a sample counts as missing, so that commands still go out."""
@@ -59,11 +68,15 @@ class BusSpec(NamedTuple):
 
 
 class AxisFacts(NamedTuple):
-    """Properties of an axis given by the bus options: sensor and command steps, SI, 0: unknown."""
+    """Properties of an axis given by the bus options.
+
+    Sensor and command steps, SI, 0: unknown; and the damper that its motor always has, None: none.
+    """
 
     encoder_quantum: float = 0.0
     effort_quantum: float = 0.0
     velocity_quantum: float = 0.0
+    damper: Damper | None = None
 
 
 class Clock(Protocol):

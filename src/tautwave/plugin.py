@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         BusElement,
         Choice,
         CommandDelay,
+        Damper,
         Fault,
         FoundBus,
         FoundDevice,
@@ -95,8 +96,8 @@ _MODULES = {
     ),
     "truth": ("AxisModel", "EnvironmentPlugin", "HandPlugin"),
     "types": (
-        "AxisCommand", "BusElement", "Choice", "CommandDelay", "Fault", "FoundBus", "FoundDevice",
-        "Imposed", "JointState", "Setting", "Survey",
+        "AxisCommand", "BusElement", "Choice", "CommandDelay", "Damper", "Fault", "FoundBus",
+        "FoundDevice", "Imposed", "JointState", "Setting", "Survey",
     ),
     "wording": ("CouplingMessages",),
 }  # fmt: skip
@@ -126,6 +127,7 @@ __all__ = [
     "CouplingPlugin",
     "CouplingVerdict",
     "CycleCost",
+    "Damper",
     "DeviceFault",
     "DeviceSetting",
     "DeviceSettings",

@@ -62,6 +62,22 @@ SAFE_COMMAND = AxisCommand(0.0, 0.0)
 """Zero effort for an impedance axis, zero velocity for an admittance axis."""
 
 
+class Damper(NamedTuple):
+    """A damper in a device's motor, which acts between the host's samples; SI of its axis.
+
+    It resists with `damping` times the velocity as the motor has it: sampled every `loop_s`, behind
+    a low-pass of time constant `filter_s`, and acting `late` loops after the sample. `bias` is the
+    greatest effort that it makes at rest, `assumed` what of this no device confirms: a clause.
+    """
+
+    damping: float
+    filter_s: float
+    loop_s: float
+    late: float
+    bias: float
+    assumed: str = ""
+
+
 class BusElement(NamedTuple):
     """A verdict of a driver on what its own laws do with an axis: `passed`, why, conditions.
 

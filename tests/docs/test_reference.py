@@ -122,6 +122,10 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     parts += _columns(
         load_rig(CONFIGS / "bench-foam-loopback.yaml", ["coupling.pairs.lever.matched_slave=true"])
     )
+    ranges = "p_max: 12.5, v_max: 30, t_max: 10, damping: 0.01, velocity_filter_hz: 500"
+    motors = ", ".join(f"{{id: {one}, feedback_id: {16 + one}, {ranges}}}" for one in (1, 2))
+    damped = [f"buses.can.options.motors=[{motors}]"]
+    parts += _columns(load_rig(CONFIGS / "bench-mit-virtual.yaml", damped))
     operated = load_rig(CONFIGS / "bench-1dof-loopback.yaml", ["operate={}"])
     parts += with_operation(operated, build_rig(operated, clock="fake"), (), ()).columns
     with tuning_of(operated, build_rig(operated, clock="fake"), allowed=True) as tuning:

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import struct
 
 from tautwave.contracts import Clock
 
 OUT_NS, IN_NS = 125_000, 125_000
-ESC, MST, TIMEOUT, MODE, P, V, T, FIRMWARE, SUB, HARD, SERIAL, GEAR, INERTIA, VOLTS = (
-    8, 7, 9, 10, 21, 22, 23, 14, 36, 13, 15, 20, 12, 60,
+ESC, MST, TIMEOUT, MODE, P, V, T, FIRMWARE, SUB, HARD, SERIAL, GEAR, INERTIA, VOLTS, FILTER = (
+    8, 7, 9, 10, 21, 22, 23, 14, 36, 13, 15, 20, 12, 60, 32,
 )  # fmt: skip
-FLOATS = (P, V, T, GEAR, INERTIA, VOLTS)
+FLOATS = (P, V, T, GEAR, INERTIA, VOLTS, FILTER)
 
 
 class ForeignMotor:
@@ -24,7 +25,8 @@ class ForeignMotor:
     def __init__(self, esc: int, mst: int, mass: float, registers: dict[int, float]) -> None:
         self.saved: dict[int, float] = {
             ESC: esc, MST: mst, TIMEOUT: 0, MODE: 2, P: 12.5, V: 30.0, T: 10.0, FIRMWARE: 5013,
-            SUB: 2, HARD: 4, SERIAL: 77, GEAR: 10.0, INERTIA: 1.8e-5, VOLTS: 24.1, **registers,
+            SUB: 2, HARD: 4, SERIAL: 77, GEAR: 10.0, INERTIA: 1.8e-5, VOLTS: 24.1, FILTER: 100.0,
+            **registers,
         }  # fmt: skip
         self.mass = mass
         self.x = self.speed = 0.0
@@ -40,6 +42,7 @@ class ForeignMotor:
     def power_up(self) -> None:
         self.ram = dict(self.saved)
         self.state = 0
+        self.kd = self.push = 0.0
         self.torque = 0.0
         self.fed_ns = self.now_ns
 
@@ -63,6 +66,14 @@ class ForeignMotor:
     def _move(self, to_ns: int) -> None:
         h = max(to_ns - self.now_ns, 0) * 1e-9
         self.now_ns = max(self.now_ns, to_ns)
+        if self.state == 1 and self.kd > 0.0:
+            # m v' = torque - kd v, the frame's velocity being in the torque
+            time, last = self.mass / self.kd, self.push / self.kd
+            fades = -math.expm1(-h / time)
+            self.x += last * h + (self.speed - last) * time * fades
+            self.speed += (last - self.speed) * fades
+            self.torque = self.push - self.kd * self.speed
+            return
         acceleration = self.torque / self.mass
         self.x += self.speed * h + 0.5 * acceleration * h * h
         self.speed += acceleration * h
@@ -87,8 +98,11 @@ class ForeignMotor:
             return self._say()
         answer = self._say()
         if self.state == 1 and self.ram[MODE] == 1:
-            assert word >> 12 & 0xFFFFFF == 0, "neither spring nor damper is asked for"
-            self.torque = ((word & 0xFFF) / 4095 * 2 - 1) * self.ram[T]
+            assert word >> 24 & 0xFFF == 0, "no spring is asked for"
+            self.kd = (word >> 12 & 0xFFF) / 4095 * 5.0
+            goal = ((word >> 36 & 0xFFF) / 4095 * 2 - 1) * self.ram[V]
+            self.push = ((word & 0xFFF) / 4095 * 2 - 1) * self.ram[T] + self.kd * goal
+            self.torque = self.push - self.kd * self.speed
         return answer
 
     def _say(self) -> list[tuple[int, bytes]]:

@@ -8,6 +8,7 @@ from tautwave.contracts import AxisSpec
 from tautwave.types import JointState
 from tautwave_drivers.causes import Cause
 from tautwave_drivers.mit import damiao
+from tautwave_drivers.mit.damper import DamperBooks
 from tautwave_drivers.mit.options import Motor, Scale, scale_of
 
 NAN = math.nan
@@ -36,17 +37,24 @@ class Axis:
         Answers that came when their cycle was over.
     wrong : dict
         Wrong answers since the last sample, counted by cause.
+    damper : DamperBooks or None
+        Books of the damper in the motor, None without one.
     """
 
     __slots__ = (
-        "_lines", "_nibble", "arrived_ns", "driver_temperature", "fault", "fresh", "late", "motor",
-        "position", "rotor_temperature", "scale", "spec", "state", "torque", "upper", "velocity",
-        "wrong",
+        "_acting", "_lines", "_nibble", "_told", "arrived_ns", "damper", "driver_temperature",
+        "fault", "fresh", "late", "motor", "position", "rotor_temperature", "scale", "spec",
+        "state", "torque", "upper", "velocity", "wrong",
     )  # fmt: skip
 
-    def __init__(self, spec: AxisSpec, motor: Motor) -> None:
+    def __init__(self, spec: AxisSpec, motor: Motor, period: float) -> None:
         self.spec = spec
         self.motor = motor
+        self.damper: DamperBooks | None = None
+        if motor.damping_code:
+            scale = scale_of(motor)
+            damping = motor.damping_code * damiao.DAMPING_STEP
+            self.damper = DamperBooks(damping, (scale.position, scale.torque), period)
         self._nibble = motor.id & 0xF
         self.rescale(scale_of(motor))
         self.reset()
@@ -71,6 +79,9 @@ class Axis:
         self.arrived_ns = 0
         self.position = self.velocity = self.torque = 0.0
         self.driver_temperature = self.rotor_temperature = 0
+        self._told = self._acting = 0.0
+        if self.damper is not None:
+            self.damper.reset()
 
     def take(self, data: bytes, arrival_ns: int) -> bool:
         """Take the motor's feedback; False where these bytes are none."""
@@ -107,9 +118,23 @@ class Axis:
     def command(self, effort: float) -> bytes:
         """Return the frame of an effort [N m], zero once the motor is not to be driven."""
         self.upper = not self.upper
+        scale = self.scale
         if self.fault:
+            scale = scale._replace(damping_code=0, push=0.0)
             effort = 0.0
-        return damiao.command(self.scale.torque_code(effort, self.spec.effort_limit, self.upper))
+        code = scale.torque_code(effort, self.spec.effort_limit, self.upper)
+        if self.damper is not None:
+            self._acting, self._told = self._told, effort
+        return damiao.command(code, scale.damping_code)
+
+    def book(self) -> None:
+        """Take this cycle's sample, or that there is none, into the books of the damper."""
+        if self.damper is None:
+            return
+        if self.fresh:
+            self.damper.take(self.position, self.torque - self._acting)
+        else:
+            self.damper.miss()
 
     def joint_state(self, now_ns: int) -> JointState:
         """Return this cycle's sample, invalid where there is none or the motor is in doubt."""

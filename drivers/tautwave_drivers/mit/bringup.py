@@ -170,7 +170,24 @@ class Bringup:
                     f"{found:.6g} if this is the right motor"
                 )
             ranges[key] = found
+        self._filter(where, motor)
         return scale_of(motor.model_copy(update=ranges))
+
+    def _filter(self, where: str, motor: Motor) -> None:
+        """Compare the low-pass behind which the damper in the motor has its velocity."""
+        if not motor.damping_code:
+            return
+        found, stated = self._need(motor, damiao.V_BANDWIDTH), motor.velocity_filter_hz
+        if stated is None or not abs(found - stated) <= CLOSE * stated:
+            raise DriverError(
+                f"{where}: {damiao.V_BANDWIDTH} reads {found:.6g}, but the rig states "
+                f"velocity_filter_hz: {stated:g}; the certificate of its damper rests on it: write "
+                f"velocity_filter_hz: {found:.6g}"
+            )
+        self._notes.append(
+            f"{where}: damper of {motor.damping_code * damiao.DAMPING_STEP:.4g} N m s/rad in the "
+            f"motor, its velocity behind {damiao.V_BANDWIDTH} = {found:g}"
+        )
 
     def _turned(
         self, where: str, axis: AxisSpec, motor: Motor, scale: Scale, said: Feedback

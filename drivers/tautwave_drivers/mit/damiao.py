@@ -37,6 +37,13 @@ STATES = {
 POSITION_TOP, TOP = 0xFFFF, 0xFFF
 """Greatest codes: 16 bits for the position, 12 for all others."""
 P_ZERO, V_ZERO = 0x8000, 0x800
+"""Codes of a position and a velocity of zero, but for half a step: no code is zero."""
+DAMPING_STEP = 5.0 / TOP
+"""[N m s/rad] One code of kd."""
+LOOP_S = 50e-6
+"""Period of a motor's own loop, which counts TIMEOUT too."""
+LOOP_LATE = 1.0
+"""Loops from its sample to the current that follows it."""
 
 TIMEOUT_S = 50e-6
 """One count of TIMEOUT."""
@@ -81,6 +88,7 @@ GEAR = Register(20, "Gr", "f")
 P_MAX = Register(21, "PMAX", "f")
 V_MAX = Register(22, "VMAX", "f")
 T_MAX = Register(23, "TMAX", "f")
+V_BANDWIDTH = Register(32, "V_BW", "f")
 CAN_RATE = Register(35, "can_br")
 SUB_VERSION = Register(36, "sub_ver")
 VOLTAGE = Register(60, "bus voltage", "f")
@@ -97,9 +105,10 @@ class Feedback(NamedTuple):
     rotor_temperature: int
 
 
-def command(torque: int) -> bytes:
-    """Return the frame of a motor without spring and damper: a code of torque alone."""
-    return _COMMAND.pack(P_ZERO, V_ZERO >> 4, 0, 0, 0, torque >> 8, torque & 0xFF)
+def command(torque: int, damping: int = 0) -> bytes:
+    """Return the frame of a motor without spring: codes of its torque and of its damper."""
+    low = (damping & 0xF) << 4 | torque >> 8
+    return _COMMAND.pack(P_ZERO, V_ZERO >> 4, 0, 0, damping >> 4, low, torque & 0xFF)
 
 
 _COMMAND = struct.Struct(">HBBBBBB")

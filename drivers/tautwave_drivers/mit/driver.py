@@ -1,8 +1,9 @@
 """The driver the loop sees: MIT motors on one bus, each command a request and each answer a sample.
 
 A command that `write` takes goes out in the next `request`; the motor measures itself when it gets
-it, follows it from there on, and answers: one whole period, the declared command delay. The spring
-and the damper that the frame can also carry are zero.
+it, follows it from there on, and answers: one whole period, the declared command delay. The frame
+can also carry a spring, which is zero, and a damper, which is that of the options: it acts between
+samples, and no code of a velocity is zero, so what it pushes at rest is taken off the torque.
 
 Answers carry no sequence number. One that came when its cycle was over is dropped before the next
 request, one that comes sooner after a request than the wire allows answers an older one. Every
@@ -40,6 +41,10 @@ SHORTEST_BITS = 108
 SHORTEST_FD = 27, 92
 """The same of an FD frame, at the nominal and at the data rate."""
 WINDOW_S = 1.0
+DAMPER_FAILED = (
+    "its damper takes far less than it should, so walls that rely on it are not what was "
+    "certified; check whether the motor limits its torque (supply, temperature), and damping"
+)
 KEEP_ALIVE_SHARE = 0.25
 """Share of the motors' watchdog between two frames while other buses are enabling."""
 
@@ -82,7 +87,10 @@ class MitDriver(DriverBase):
         self._now = clock.now_ns
         self._transport = transport
         self._motors = motors_of(options, bus)
-        self._axes = [Axis(*pair) for pair in zip(bus.axes, self._motors, strict=True)]
+        period = 1.0 / bus.rate_hz
+        pairs = zip(bus.axes, self._motors, strict=True)
+        self._axes = [Axis(spec, motor, period) for spec, motor in pairs]
+        self._damped = [axis for axis in self._axes if axis.damper is not None]
         self._numbers = [motor.id for motor in self._motors]
         self._places = {axis.motor.feedback_id: at for at, axis in enumerate(self._axes)}
         self._exchange: Exchange | None = None
@@ -100,6 +108,10 @@ class MitDriver(DriverBase):
             f"{axis.name}.{what}"
             for axis in bus.axes
             for what in ("motor_effort", "driver_temperature", "rotor_temperature")
+        ] + [
+            f"{axis.spec.name}.{what}"
+            for axis in self._damped
+            for what in ("damper_absorbed", "damper_least")
         ]
 
     # -- before and after ---------------------------------------------------------------------
@@ -266,6 +278,8 @@ class MitDriver(DriverBase):
                 self._failure = DriverError(exchange.lost)
                 self._faults.append(Fault("", exchange.lost, fatal=True))
             return
+        for axis in self._damped:
+            axis.book()
         for axis in self._axes:
             text = axis.judge() if axis.fresh and not axis.fault else ""
             if text:
@@ -280,6 +294,11 @@ class MitDriver(DriverBase):
                         "cycle was over; check the bus load and the rate"
                     )
                 axis.late = 0
+            for axis in self._damped:
+                if axis.damper is not None and axis.damper.lacks() and not axis.fault:
+                    axis.fault = DAMPER_FAILED
+                    text = f"{axis.label}: {DAMPER_FAILED}"
+                    self._faults.append(Fault(axis.spec.name, text, fatal=True))
 
     def _take(self, commands: Sequence[AxisCommand]) -> None:
         """Stage one command per axis for the next request."""
@@ -300,12 +319,19 @@ class MitDriver(DriverBase):
         return (axis.velocity, axis.torque) if axis.fresh else (math.nan, math.nan)
 
     def fill(self, row: Row, at: int) -> None:
-        """Record torque [N m] and temperatures [degC] of each motor; NaN: no sample."""
+        """Record torque [N m] and temperatures [degC] of each motor; NaN: no sample.
+
+        Of dampers, what they have taken as the motors report it, and at least by the model [J].
+        """
         for axis in self._axes:
             row[at] = axis.torque if axis.fresh else math.nan
             row[at + 1] = axis.driver_temperature if axis.fresh else math.nan
             row[at + 2] = axis.rotor_temperature if axis.fresh else math.nan
             at += 3
+        for axis in self._damped:
+            assert axis.damper is not None
+            row[at], row[at + 1] = axis.damper.absorbed, axis.damper.least
+            at += 2
 
     # -- the end ------------------------------------------------------------------------------
 

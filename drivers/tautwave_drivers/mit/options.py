@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
+from tautwave.types import Damper
 from tautwave_drivers.can.ids import unlisted, unused
 from tautwave_drivers.can.keys import CanKeys
 from tautwave_drivers.mit import damiao
@@ -40,6 +41,17 @@ class Motor(BaseModel):
     """-1 where the motor turns against the axis."""
     zero: float = 0.0
     """[rad] Position of the motor where the axis is at 0."""
+    damping: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """[N m s/rad] Damper in the motor (kd), felt in every motion; it acts at the motor's own rate,
+    so the host's walls can be stiffer. Steps of 5/4095."""
+    velocity_filter_hz: Positive | None = None
+    """[Hz] V_BW, register 32: the low-pass of the velocity that the damper has; compared. Needed
+    with `damping`."""
+
+    @property
+    def damping_code(self) -> int:
+        """The code of kd."""
+        return round(self.damping / damiao.DAMPING_STEP)
 
 
 class MitOptions(CanKeys):
@@ -60,13 +72,18 @@ class MitOptions(CanKeys):
 
 
 class Scale(NamedTuple):
-    """What one code of a motor is at the axis: [rad], [rad/s], [N m], each with its middle."""
+    """What one code of a motor is at the axis: [rad], [rad/s], [N m], each with its middle.
+
+    `push`: codes of torque by which the damper pushes at rest, as no code of velocity is zero.
+    """
 
     position: float
     velocity: float
     torque: float
     zero: float
     direction: int
+    damping_code: int = 0
+    push: float = 0.0
 
     def position_of(self, code: int) -> float:
         """Return the axis' position [rad]."""
@@ -89,7 +106,7 @@ class Scale(NamedTuple):
         """
         if not -limit <= effort <= limit:  # NaN too
             effort = limit if effort > limit else -limit if effort < -limit else 0.0
-        exact = 0.5 * damiao.TOP + self.direction * effort / self.torque
+        exact = 0.5 * damiao.TOP + self.direction * effort / self.torque - self.push
         code = math.floor(exact)
         if exact - code > 0.75 or (exact - code > 0.25 and upper):
             code += 1
@@ -98,12 +115,32 @@ class Scale(NamedTuple):
 
 def scale_of(motor: Motor) -> Scale:
     """Return the scale of a motor with the ranges that its block states."""
+    code = motor.damping_code
+    pace, force = 2.0 * motor.v_max / damiao.TOP, 2.0 * motor.t_max / damiao.TOP
+    at_rest = (damiao.V_ZERO - 0.5 * damiao.TOP) * pace * code * damiao.DAMPING_STEP
     return Scale(
         2.0 * motor.p_max / damiao.POSITION_TOP,
-        2.0 * motor.v_max / damiao.TOP,
-        2.0 * motor.t_max / damiao.TOP,
+        pace,
+        force,
         motor.zero,
         motor.direction,
+        code,
+        at_rest / force,
+    )
+
+
+def damper_of(motor: Motor) -> Damper | None:
+    """Return the damper in a motor as a certificate takes it, None without one."""
+    damping = motor.damping_code * damiao.DAMPING_STEP
+    if damping == 0.0 or motor.velocity_filter_hz is None:
+        return None
+    return Damper(
+        damping,
+        1.0 / (math.tau * motor.velocity_filter_hz),
+        damiao.LOOP_S,
+        damiao.LOOP_LATE,
+        0.5 * scale_of(motor).torque,
+        f"{damiao.V_BANDWIDTH} of motor {motor.id} is the low-pass of its damper's velocity, in Hz",
     )
 
 
@@ -170,6 +207,18 @@ def _axis_problem(axis: AxisSpec, motor: Motor) -> str:
         )
     if axis.effort_sensor:
         return " has an effort_sensor, but these motors read none; remove it"
+    if motor.damping > 0.0 and motor.velocity_filter_hz is None:
+        return (
+            f": motor {motor.id} has damping {motor.damping:g}, but no velocity_filter_hz; write "
+            "what its register V_BW(32) reads, as `tautwave scan mit` shows it"
+        )
+    most = axis.effort_limit + motor.damping * axis.velocity_limit
+    if motor.damping > 0.0 and not most <= motor.t_max:
+        return (
+            f": effort_limit and damping {motor.damping:g} at velocity_limit "
+            f"{axis.velocity_limit:g} make {most:.4g} N m, more than motor {motor.id} gives, t_max "
+            f"{motor.t_max:g}, where its damper would fail; lower one of them"
+        )
     if axis.effort_limit > motor.t_max and math.isfinite(axis.effort_limit):
         return (
             f": effort_limit {axis.effort_limit:g} is more than motor {motor.id} accepts, "
@@ -185,6 +234,9 @@ def _axis_problem(axis: AxisSpec, motor: Motor) -> str:
 
 
 def facts(options: MitOptions, bus: BusSpec) -> Sequence[AxisFacts]:
-    """Return the steps of each axis' position and effort [rad], [N m]."""
-    scales = [scale_of(motor) for motor in motors_of(options, bus)]
-    return [AxisFacts(one.position, one.torque, 0.0) for one in scales]
+    """Return the steps of each axis' position and effort [rad], [N m], and its motor's damper."""
+    found = []
+    for motor in motors_of(options, bus):
+        scale = scale_of(motor)
+        found.append(AxisFacts(scale.position, scale.torque, 0.0, damper_of(motor)))
+    return found

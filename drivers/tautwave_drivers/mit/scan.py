@@ -28,6 +28,7 @@ COLUMNS: tuple[tuple[str, Register, int], ...] = (
     ("t_max", damiao.T_MAX, 6),
     ("gear", damiao.GEAR, 6),
     ("rotor_inertia", damiao.INERTIA, 4),
+    ("velocity_filter_hz", damiao.V_BANDWIDTH, 4),
     ("voltage", damiao.VOLTAGE, 3),
 )
 

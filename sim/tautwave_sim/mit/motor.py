@@ -15,6 +15,7 @@ from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.mit import registers as r
 from tautwave_sim.mit.options import MotorKeys, Quirks
 from tautwave_sim.mit.registers import Registers
+from tautwave_sim.physics import NO_LAW, MotorLaw
 
 PARAMETER_ID = 0x7FF
 OFF, ON, TIMED_OUT, ROTOR_HOT = 0, 1, 0xD, 0xC
@@ -71,6 +72,8 @@ class Motor:
         self.torque = 0.0
         """[N m] Torque of the motor, as commanded."""
         self._order = (0.0, 0.0, 0.0, 0.0, 0.0)
+        self.derated = math.inf
+        """[N m] Torque beyond which it gives none, whatever its range is."""
         self.heard_ns: int | None = None
 
     # -- power --------------------------------------------------------------------------------
@@ -169,17 +172,24 @@ class Motor:
         )
 
     def _act(self) -> None:
-        """Give the axis what the law asks for where the motor is now."""
-        if self.state != ON or not self.present:
-            self.torque = 0.0
-        else:
+        """Give the axis the law, which it follows between slots too.
+
+        Beyond its greatest torque, where the motor is now, it gives that torque for the slot.
+        """
+        law = NO_LAW
+        effort = self.torque = 0.0
+        if self.state == ON and self.present:
             p, v, kp, kd, t = self._order
             x = self._at_motor(self.axis.physics.x) + self.turns * math.tau
             speed = self.keys.direction * self.axis.physics.v
             asked = kp * (p - x) + kd * (v - speed) + t if kp or kd else t
-            most = self.registers[r.T_MAX]
-            self.torque = min(max(asked, -most), most)
-        self.axis.command(self.keys.direction * self.torque)
+            most = min(self.registers[r.T_MAX], self.derated)
+            effort = self.torque = min(max(asked, -most), most)
+            if (kp or kd) and self.torque == asked:
+                place = self.keys.direction * (p - self.keys.zero - self.turns * math.tau)
+                law = MotorLaw(kp, place, kd)
+                effort = t + kd * v
+        self.axis.command(self.keys.direction * effort, law)
 
     def _feedback(self) -> None:
         """Answer with state, position, velocity, torque and temperatures."""

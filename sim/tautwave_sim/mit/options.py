@@ -45,6 +45,10 @@ class Quirks(_Keys):
     """It has the error `error` then, and switches its torque off."""
     error: Annotated[int, Field(ge=8, le=15)] = 8
     """A state: 8 over-voltage, 9 under-voltage, 10 over-current, 11, 12 too hot, 14 overload."""
+    derates_at_s: AtSeconds | None = None
+    """From then on it gives no more torque than `derated_to`, and says nothing of it."""
+    derated_to: Annotated[float, Field(ge=0.0)] = 0.0
+    """[N m] See `derates_at_s`."""
     heat: Annotated[float, Field(ge=0.0)] = 1.0
     """Heating of its rotor, as a multiple of the usual."""
 
@@ -71,6 +75,7 @@ class MotorKeys(_Shared):
     t_max: Positive
     direction: Literal[1, -1] = 1
     zero: float = 0.0
+    velocity_filter_hz: Positive | None = None
 
 
 class SimulatedMitOptions(_Shared):

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from tautwave_sim.mit.options import MotorKeys
 
 MST_ID, ESC_ID, TIMEOUT, CTRL_MODE = 7, 8, 9, 10
-P_MAX, V_MAX, T_MAX, CAN_BR = 21, 22, 23, 35
+P_MAX, V_MAX, T_MAX, V_BW, CAN_BR = 21, 22, 23, 32, 35
 WHOLE = frozenset((MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, 13, 14, 15, 16, CAN_BR, 36))
 """Registers that hold a uint32; all others hold a float32."""
 READ_ONLY = frozenset((13, 14, 15, 16, 17, 18, 19, 20, 36, 60, 61, 62, 80, 81))
@@ -44,6 +44,7 @@ class Registers:
             V_MAX: motor.v_max,
             T_MAX: motor.t_max,
             CAN_BR: 9 if fd else 4,
+            **({} if motor.velocity_filter_hz is None else {V_BW: motor.velocity_filter_hz}),
             **saved,
         }
         self._now = dict(self._saved)

@@ -130,7 +130,11 @@ def _planned_faults(motor: Motor, quirks: Quirks) -> list[Planned]:
     def fail(now_ns: int) -> None:
         motor.fail(quirks.error)
 
+    def derate(now_ns: int) -> None:
+        motor.derated = quirks.derated_to
+
     return [
+        (quirks.derates_at_s, derate),
         (quirks.silent_at_s, fall_silent),
         (quirks.restarts_at_s, restart),
         (quirks.error_at_s, fail),

@@ -73,6 +73,10 @@ class Spending(NamedTuple):
         What carrying it takes of the device's damping and, by encoder steps, of its friction.
     compensated_coulomb, compensated_damping : float
         Friction that the motor takes off.
+    damper_damping : float
+        What a damper in the motor needs of the device's damping, for its own loop.
+    lent_damping : float
+        What it gives to a wall beyond the damping that is left by that.
     paying_coulomb : float
         Friction that pays for the inertia which the motor takes off [N m or N].
     lift_effort : float
@@ -95,6 +99,8 @@ class Spending(NamedTuple):
     load_coulomb: float = 0.0
     compensated_coulomb: float = 0.0
     compensated_damping: float = 0.0
+    damper_damping: float = 0.0
+    lent_damping: float = 0.0
     paying_coulomb: float = 0.0
     lift_effort: float = 0.0
     wall_effort: float = 0.0
@@ -112,8 +118,9 @@ class AxisAllowance(NamedTuple):
     the effort in one period) are shares: `load`, `wall`, `compensation` and `coupling` get theirs
     for certain; `shared` is what wall, compensation and coupling get together, the limit that the
     controller applies last. `lift_effort` at most takes inertia off, where there is room.
-    `compensated_`, `load_`, `wall_damping` and `_coulomb` are spent; `paying_coulomb` pays for the
-    inertia that is taken off.
+    `compensated_`, `damper_`, `load_`, `wall_damping` and `_coulomb` are spent; `paying_coulomb`
+    pays for the inertia that is taken off; `sampled_damping` is what any sampled law finds at
+    least: `free_damping`, and what a damper in the motor lends.
     """
 
     period: float
@@ -135,6 +142,8 @@ class AxisAllowance(NamedTuple):
     coupling_rate: float
     damping: float
     compensated_damping: float
+    damper_damping: float
+    sampled_damping: float
     load_damping: float
     wall_damping: float
     coulomb: float
@@ -162,8 +171,8 @@ class AxisAllowance(NamedTuple):
 
     @property
     def free_damping(self) -> float:
-        """[N m s/rad or N s/m] Sure damping that is felt: what no compensation takes off."""
-        return max(self.damping - self.compensated_damping, 0.0)
+        """[N m s/rad or N s/m] Sure damping that compensation and a damper in the motor leave."""
+        return max(self.damping - self.compensated_damping - self.damper_damping, 0.0)
 
     @property
     def loaded_damping(self) -> float:
@@ -178,7 +187,7 @@ class AxisAllowance(NamedTuple):
     @property
     def brake_damping(self) -> float:
         """[N m s/rad or N s/m] For a brake or a stop, beside which no wall or compensation acts."""
-        return max(self.damping - self.load_damping, 0.0)
+        return max(self.damping - self.load_damping - self.damper_damping, 0.0)
 
     @property
     def loaded_coulomb(self) -> float:
@@ -231,7 +240,7 @@ def share_out(has: Device, asks: Spending) -> AxisAllowance:
     compensation_rate = min(2.0 * compensation / has.period, left)
     left = _without(left, compensation_rate)
 
-    free = max(has.damping - asks.compensated_damping, 0.0)
+    free = max(has.damping - asks.compensated_damping - asks.damper_damping, 0.0)
     spared = asks.wall_controlled and asks.wall_damping > free
     return AxisAllowance(
         period=has.period,
@@ -253,6 +262,8 @@ def share_out(has: Device, asks: Spending) -> AxisAllowance:
         coupling_rate=left,
         damping=has.damping,
         compensated_damping=asks.compensated_damping,
+        damper_damping=asks.damper_damping,
+        sampled_damping=free + asks.lent_damping,
         load_damping=asks.load_damping,
         wall_damping=0.0 if spared else asks.wall_damping,
         coulomb=has.coulomb,

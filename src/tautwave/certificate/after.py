@@ -8,12 +8,13 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from tautwave.analysis.walls.passivity import wall_leak
-from tautwave.analysis.walls.sampled import SampledWall
+from tautwave.analysis.walls.sampled import SNAP, SampledWall
 from tautwave.certificate.belief import declared_delays, delay_in_periods
 from tautwave.certificate.verdict import certify
-from tautwave.certificate.walls import wall_name
-from tautwave.config import Rig, Wall, local_wall
-from tautwave.rig import at_axis_rate, axis_allowance
+from tautwave.certificate.walls import damping_at, wall_name
+from tautwave.config import Rig, Wall, axis_damper, local_wall
+from tautwave.rig import at_axis_rate
+from tautwave.types import CommandDelay
 
 RESOLUTION_S = 1.1e-6
 """[s] A measured period this close counts as nominal: the loop's histogram has bins of 1 us."""
@@ -90,8 +91,7 @@ def recheck(rig: Rig, measured: Measured) -> dict[str, Any]:
             # A slow axis waits for its bus period, one cycle of which may be late.
             held = max(held, own.period_s - rig.period_s + measured.worst_period_s)
         delay = delay_in_periods(own, delays[axis_name])
-        present = axis_allowance(rig, axis_name, delays[axis_name]).free_damping
-        recomputed = _wall(own, axis_name, wall, delay, held, present, measured)
+        recomputed = _wall(own, axis_name, wall, delays[axis_name], delay, held, measured)
         walls[axis_name] = recomputed
         if not recomputed["passed"] and rig.require != "coupled_stable":
             sentences.append(recomputed["sentence"])
@@ -112,9 +112,9 @@ def _wall(
     rig: Rig,
     axis_name: str,
     wall: Wall,
+    declared: CommandDelay,
     delay: float,
     held: float,
-    present: float,
     measured: Measured,
 ) -> dict[str, Any]:
     """Return the verdict on a wall for the longest time its effort was held."""
@@ -128,7 +128,10 @@ def _wall(
         periods * rig.period_s / longest,
         axis.velocity_filter_s,
     )
+    if axis_damper(rig, axis_name) is not None:  # what it lends is known for whole delays
+        sampled = sampled._replace(delay=math.ceil(sampled.delay - SNAP))
     needed = wall_leak(sampled).damping
+    present = damping_at(rig, axis_name, declared, sampled)
     regular = longest <= rig.period_s + RESOLUTION_S and periods == delay
     balance = measured.balance_j.get(axis_name) if measured.latched and periods == delay else None
     kept = balance is not None and balance >= 0.0

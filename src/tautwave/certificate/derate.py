@@ -10,9 +10,9 @@ from tautwave.analysis.walls.limits import TIGHT, greatest_stiffness, is_passive
 from tautwave.analysis.walls.rules import quantum_force
 from tautwave.analysis.walls.sampled import SampledWall
 from tautwave.certificate.loops import pair_loop
-from tautwave.certificate.walls import sampled_wall
+from tautwave.certificate.walls import damping_at, sampled_wall
 from tautwave.config import Axis, Rig, Wall, local_wall, replace_wall
-from tautwave.rig import at_axis_rate, axis_allowance, coupling_part
+from tautwave.rig import at_axis_rate, coupling_part
 from tautwave.types import CommandDelay
 
 DIGITS = 6
@@ -60,13 +60,16 @@ def _limit(
         return _stable_limit(rig, axis_name, wall, delays)
     sampled = sampled_wall(at_axis_rate(rig, axis_name), axis_name, wall, delays[axis_name])
     axis = rig.axes[axis_name]
-    damping = axis_allowance(rig, axis_name, delays[axis_name]).free_damping
-    if coupling_part(rig).carries == "waves":
-        damping *= 1.0 - PORT_SHARE
+    share = 1.0 - PORT_SHARE if coupling_part(rig).carries == "waves" else 1.0
     controlled = wall.passivity_control and sampled.delay == 0.0
     limit = wall.stiffness
-    if not controlled and not is_passive(sampled, damping):
-        limit = greatest_stiffness(sampled, damping)
+    for _ in range(1 if controlled else BISECTIONS):
+        # What a damper in the motor does for a wall depends on the wall.
+        at = sampled._replace(stiffness=limit)
+        found = damping_at(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], at)
+        if controlled or limit == 0.0 or is_passive(at, share * found):
+            break
+        limit = min(limit, greatest_stiffness(at, share * found))
     if rig.require == "passive_quantised":
         friction = coulomb.get(axis_name, 0.0)
         limit = min(limit, _quantised_limit(sampled, axis, friction))

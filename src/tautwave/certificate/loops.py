@@ -266,7 +266,7 @@ def believed_parts(
     held = Contact(0.0, 0.0, "") if contact is None else contact
     device = Device(
         mass=own + _hand_mass(rig, axis_name, contact),
-        damping=(has.free_damping if damping is None else damping) + held.damping,
+        damping=(has.sampled_damping if damping is None else damping) + held.damping,
         stiffness=held.stiffness,
         command_delay=delay_in_periods(rig, delay),
     )

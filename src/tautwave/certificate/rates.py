@@ -54,7 +54,7 @@ def slow_costs(rig: Rig, axis_name: str, delays: Delays) -> dict[str, Any]:
     taus = one_way_delay(rig, pair, delays), one_way_delay(full, pair, prompt)
     offsets = standing_offset(rig, pair, delays), standing_offset(full, pair, prompt)
     walls = None
-    damping = axis_allowance(rig, axis_name, delays[axis_name]).free_damping
+    damping = axis_allowance(rig, axis_name, delays[axis_name]).sampled_damping
     if rig.axes[axis_name].causality == "impedance" and damping > 0.0:
         wall = local_wall(rig, axis_name) or PLAIN
         walls = tuple(

@@ -11,6 +11,7 @@ from tautwave.certificate.beside.compensation import (
     inertia_elements,
     lightened_loop,
 )
+from tautwave.certificate.beside.dampers import damper_elements
 from tautwave.certificate.beside.loads import load_element
 from tautwave.certificate.buses import bus_elements, policy_elements
 from tautwave.certificate.couplings import coupling_verdict
@@ -75,6 +76,7 @@ def certify(
         *_elements(rig, delays, friction, asked),
         *own,
         *brakes,
+        *damper_elements(rig, delays),
         *bus_elements(rig, delays),
         *policy_elements(rig),
     )

@@ -12,6 +12,7 @@ from typing import Any
 
 from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import joules
+from tautwave.analysis.walls.in_motor import damping_for
 from tautwave.analysis.walls.messages import (
     passivity_sentence,
     quantum_sentence,
@@ -29,7 +30,7 @@ from tautwave.certificate.belief import (
     delay_in_periods,
 )
 from tautwave.certificate.data import Element, Verdict
-from tautwave.config import Axis, Rig, Wall, local_wall
+from tautwave.config import Axis, Rig, Wall, axis_damper, local_wall
 from tautwave.rig import axis_allowance, coupling_part, wall_params
 from tautwave.rig.allowance.filling import at_least, wall_push, wall_steepness
 from tautwave.rig.hands import stated_hand
@@ -57,6 +58,15 @@ def sampled_wall(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay) -> S
     )
 
 
+def damping_at(rig: Rig, axis_name: str, delay: CommandDelay, wall: SampledWall) -> float:
+    """Return the device damping that a wall finds, with what a damper in the motor lends to it."""
+    has = axis_allowance(rig, axis_name, delay)
+    damper = axis_damper(rig, axis_name)
+    if damper is None:
+        return has.free_damping
+    return max(damping_for(damper, has.damping - has.compensated_damping, wall), 0.0)
+
+
 def wall_verdict(
     rig: Rig,
     axis_name: str,
@@ -68,15 +78,16 @@ def wall_verdict(
     axis = rig.axes[axis_name]
     side, pair = axis_name.split(".")
     has = axis_allowance(rig, axis_name, delays[axis_name])
+    rendered = sampled_wall(rig, axis_name, wall, delays[axis_name])
     device = WallDevice(
         has.inertia,
-        has.free_damping,
+        damping_at(rig, axis_name, delays[axis_name], rendered),
         coulomb.get(axis_name, 0.0),
         # An effort truncated to its step is off by up to that step, like 2 / K of it in position.
         axis.encoder_quantum + 2.0 * axis.effort_quantum / wall.stiffness,
     )
     hand = stated_hand(rig, pair).hand if side == "master" else None
-    return assess_wall(sampled_wall(rig, axis_name, wall, delays[axis_name]), device, hand)
+    return assess_wall(rendered, device, hand)
 
 
 def wall_element(
@@ -152,6 +163,8 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
     from tautwave.analysis.ports.necessity import User, destabilising_hand
 
     has = axis_allowance(rig, axis_name, delay)
+    if axis_damper(rig, axis_name) is not None:
+        return []  # the construction is one for a device whose damping is its own
     sampled = sampled_wall(rig, axis_name, wall, delay)
     law = wall_transfer(sampled)
     found = destabilising_hand(

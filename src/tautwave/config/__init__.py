@@ -10,6 +10,7 @@ from tautwave.config.keys.load import TrueLoad
 from tautwave.config.keys.rig import (
     AxisTruth,
     Rig,
+    axis_damper,
     bus_spec,
     calibration_of,
     count_velocity,
@@ -80,6 +81,7 @@ __all__ = [
     "Spring",
     "TrueLoad",
     "Wall",
+    "axis_damper",
     "bus_spec",
     "calibration_of",
     "count_velocity",

@@ -90,6 +90,7 @@ def _complete_quanta(document: Document, rig: Rig, plugins: dict[str, DriverPlug
         axes = {}
         for name, axis in getattr(rig, side).axes.items():
             facts = known.get(f"{side}.{name}", AxisFacts())._asdict()
+            del facts["damper"]  # no key of an axis: the certificate asks the driver
             facts = {key: value for key, value in facts.items() if value > 0.0}
             for key, value in facts.items():
                 given = getattr(axis, key)

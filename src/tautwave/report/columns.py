@@ -150,6 +150,16 @@ SECTIONS = {
             "V",
             "of the motor's supply, where it is reported; NaN: no sample",
         ),
+        Column(
+            "SIDE.AXIS.damper_absorbed",
+            "J",
+            "taken so far by the damper in the motor, as the motor reports its torque",
+        ),
+        Column(
+            "SIDE.AXIS.damper_least",
+            "J",
+            "taken so far by the damper in the motor, at least, by its model",
+        ),
         Column("SIDE.AXIS.wall_effort", "N m, N", "effort of the local wall"),
         Column(
             "SIDE.AXIS.answer_us",

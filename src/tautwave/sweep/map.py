@@ -210,7 +210,7 @@ def _start(rig: Rig, file: MapFile, plane: Plane) -> Column:
             lag,
         ),
         Device(device.mass, device.damping, device.stiffness),
-        axis_allowance(rig, file.axis, command_delays(rig)[file.axis]).free_damping,
+        axis_allowance(rig, file.axis, command_delays(rig)[file.axis]).sampled_damping,
         truth.coulomb,
         truth.encoder_quantum,
     )

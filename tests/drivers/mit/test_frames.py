@@ -87,7 +87,7 @@ def test_an_axis_reads_a_frame_as_the_manual_has_it(
     data: bytes, direction: int, zero: float
 ) -> None:
     motor = Motor(**{**KEYS, "id": data[0] & 0xF or 16, "direction": direction, "zero": zero})  # type: ignore[arg-type]
-    axis = Axis(AxisSpec("a", motor.id, "rotary", "impedance", 1.0), motor)
+    axis = Axis(AxisSpec("a", motor.id, "rotary", "impedance", 1.0), motor, 1e-3)
     said = damiao.feedback(data, motor.id)
     assert axis.take(data, 7) == (said is not None)
     if said is not None:

@@ -112,7 +112,7 @@ def axis_width(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> 
     axis = own.axes[axis_name]
     side, pair = axis_name.split(".")
     has = axis_allowance(own, axis_name, delays[axis_name])
-    mass, damping = has.inertia, has.free_damping
+    mass, damping = has.inertia, has.sampled_damping
     delay = delay_in_periods(own, delays[axis_name])
     law = SampledWall(0.0, 0.0, own.period_s, delay, axis.velocity_filter_s)
     hand = stated_hand(rig, pair).hand if side == "master" else None

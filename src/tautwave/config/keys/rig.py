@@ -23,7 +23,7 @@ from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Pol
 from tautwave.config.keys.sites import SideName, Sites
 from tautwave.contracts import AxisSpec, BusSpec, DriverPlugin
 from tautwave.registry import load_driver
-from tautwave.types import Choice, Imposed
+from tautwave.types import Choice, Damper, Imposed
 
 T = TypeVar("T")
 STALL_S = 0.02
@@ -325,11 +325,25 @@ def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
     return quantum / (rig.axis_period_s(axis_name) + filtered)
 
 
+def axis_damper(rig: Rig, axis_name: str) -> Damper | None:
+    """Return the damper that an axis' motor always has, by the options of its bus."""
+    bus = rig.axes[axis_name].bus
+    plugin = load_driver(rig.buses[bus].driver)
+    spec = bus_spec(rig, bus)
+    facts = plugin.facts(plugin.options.model_validate(rig.buses[bus].options), spec)
+    (damper,) = (
+        one.damper for axis, one in zip(spec.axes, facts, strict=True) if axis.name == axis_name
+    )
+    return damper
+
+
 def has_plain_devices(rig: Rig) -> bool:
-    """Return whether simulated devices stay in Python: parts, loads, followers, policies."""
+    """Return whether simulated devices stay in Python: parts, loads, followers, dampers."""
     if rig.simulation is None:
         return False
     if any(load_driver(bus.driver).plain for bus in rig.buses.values()):
+        return True
+    if any(axis_damper(rig, name) is not None for name in rig.axes):
         return True
     hands = (getattr(hand, "reference", None) for hand in rig.simulation.hand.values())
     outside = (*rig.simulation.environment.values(), *hands)

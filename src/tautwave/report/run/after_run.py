@@ -232,6 +232,6 @@ def _contacts(run: Run, rig: Rig, axis: str) -> tuple[Floats, Floats, Rows] | No
     weight = 1.0 if side == "master" else 1.0 / pair_scale(rig.coupling.pairs[pair]).power
     taken = np.diff(absorbed[fresh]) / weight
     spans = np.diff(slots[fresh]) * rig.period_s
-    damping = axis_allowance(rig, axis, declared_delays(rig)[axis]).free_damping
+    damping = axis_allowance(rig, axis, declared_delays(rig)[axis]).sampled_damping
     damped = damping * np.diff(position[fresh]) ** 2 / spans
     return taken, damped, (effort[fresh][:-1] != 0.0) | (taken != 0.0)

@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 
 from tautwave.allowance import LOAD_SHARE, AxisAllowance, Device, Spending, share_out
-from tautwave.config import Axis, Rig, Wall, local_wall
+from tautwave.config import Axis, Rig, Wall, axis_damper, local_wall
 from tautwave.errors import ConfigError
 from tautwave.rig.allowance.once import once_per_rig
 from tautwave.rig.arms import load_reserves, load_stiffnesses
 from tautwave.rig.parts import coupling_part
-from tautwave.types import CommandDelay
+from tautwave.types import CommandDelay, Damper
 
 
 def allowances(rig: Rig, delays: Mapping[str, CommandDelay]) -> dict[str, AxisAllowance]:
@@ -102,8 +102,21 @@ def _spending(rig: Rig, axis_name: str, delay: CommandDelay) -> Spending:
             lift_effort=keys.inertia * (axis.effort_limit - asks.load_effort),
         )
     asks = asks._replace(relies=not coupling_part(rig).claim)
+    damper = axis_damper(rig, axis_name)
+    if damper is not None:
+        asks = _with_damper(rig, axis_name, asks, damper)
     wall = local_wall(rig, axis_name)
     return asks if wall is None else _with_wall(rig, axis_name, delay, asks, wall)
+
+
+def _with_damper(rig: Rig, axis_name: str, asks: Spending, damper: Damper) -> Spending:
+    from tautwave.analysis.walls.in_motor import damper_needs, least_damping
+
+    alone = rig.axes[axis_name].damping.lower - asks.compensated_damping
+    needed = damper_needs(damper)
+    found = least_damping(damper, alone, rig.axis_period_s(axis_name))
+    lent = max(found - max(alone - needed, 0.0), 0.0)
+    return asks._replace(damper_damping=needed, lent_damping=lent)
 
 
 def _with_wall(
@@ -118,11 +131,18 @@ def _with_wall(
     late = delay.periods + delay.remainder_s / period
     filter_s = axis.velocity_filter_s
     rendered = SampledWall(wall.stiffness, wall.damping, period, late, filter_s)
+    needed = wall_leak(rendered).damping
+    damper = axis_damper(rig, axis_name)
+    if damper is not None:
+        from tautwave.analysis.walls.in_motor import spent_on
+
+        alone = axis.damping.lower - asks.compensated_damping
+        needed = max(spent_on(damper, alone, rendered) - asks.damper_damping, 0.0)
     return asks._replace(
         wall_effort=wall_push(axis, wall),
         wall_rate=wall_steepness(rig, axis_name, wall),
         wall_limit=math.inf if wall.effort_limit is None else wall.effort_limit,
-        wall_damping=wall_leak(rendered).damping,
+        wall_damping=needed,
         wall_controlled=wall.passivity_control,
     )
 

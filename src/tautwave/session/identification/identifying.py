@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tautwave.config import Rig, resolved_yaml
+from tautwave.config import Rig, axis_damper, resolved_yaml
 from tautwave.errors import (
     BusBudgetError,
     ConfigError,
@@ -175,6 +175,11 @@ def axis_to_identify(rig: Rig, name: str | None) -> str:
         raise ConfigError(
             f"{name} has no position_range, which excitation requires; add it to the rig, or "
             f"give --set '{_key(name)}.position_range=[LOW, HIGH]'"
+        )
+    if axis_damper(rig, name) is not None:
+        raise ConfigError(
+            f"{name} has a damper in its motor, which would count as the device's own; identify "
+            f"without it: remove damping from the options of bus {rig.axes[name].bus!r}"
         )
     return name
 

@@ -1,0 +1,81 @@
+"""Verdicts on dampers in the motors of devices; see `analysis.walls.in_motor`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from tautwave.analysis.walls.limits import greatest_stiffness
+from tautwave.analysis.walls.passivity import wall_leak
+from tautwave.certificate.data import Element, Verdict
+from tautwave.certificate.walls import damping_at, sampled_wall
+from tautwave.config import Rig, axis_damper, local_wall
+from tautwave.rig import at_axis_rate, axis_allowance
+from tautwave.types import CommandDelay, Damper
+
+
+def damper_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
+    """Yield the verdict on each damper in a motor."""
+    for name in rig.own_axes:
+        damper = axis_damper(rig, name)
+        if damper is not None:
+            yield _damper(at_axis_rate(rig, name), name, delays[name], damper)
+
+
+def _damper(rig: Rig, axis_name: str, delay: CommandDelay, damper: Damper) -> Element:
+    axis, has = rig.axes[axis_name], axis_allowance(rig, axis_name, delay)
+    name = f"damper in the motor of {axis_name}"
+    rotary = axis.kind == "rotary"
+    unit, stiff, effort = ("N m s/rad", "N m/rad", "N m") if rotary else ("N s/m", "N/m", "N")
+    alone = has.damping - has.compensated_damping
+    numbers = {
+        "damping": damper.damping,
+        "filter_s": damper.filter_s,
+        "loop_s": damper.loop_s,
+        "needed_damping": has.damper_damping,
+        "damping_margin": alone - has.damper_damping,
+        "bias": damper.bias,
+    }
+    behind = (
+        f"its velocity behind {1e3 * damper.filter_s:.3g} ms and a loop of "
+        f"{1e6 * damper.loop_s:.3g} us"
+    )
+    if has.damper_damping >= alone:
+        said = (
+            f"the {name}: {damper.damping:.4g} {unit}, {behind}, takes {has.damper_damping:.3g} "
+            f"{unit} of the device's damping at high frequencies, but damping.lower leaves "
+            f"{max(alone, 0.0):.3g}; lower its damping to "
+            f"{0.9 * damper.damping * max(alone, 0.0) / has.damper_damping:.2g}"
+        )
+        failed = Verdict(False, said, margin=alone - has.damper_damping)
+        return Element(name, "damper", axis_name, failed, failed, numbers, (said,))
+    said = (
+        f"The {name}, {damper.damping:.4g} {unit}, {behind}, takes {has.damper_damping:.3g} {unit} "
+        "of the device's damping at high frequencies, whatever the hand."
+    )
+    found, needed = has.sampled_damping, 0.0
+    wall = local_wall(rig, axis_name)
+    if wall is not None:
+        sampled = sampled_wall(rig, axis_name, wall, delay)
+        found, needed = damping_at(rig, axis_name, delay, sampled), wall_leak(sampled).damping
+        said += f" It gives the wall {found:.3g} {unit} instead of {alone:.3g}."
+        without = greatest_stiffness(sampled, max(alone, 0.0))
+        numbers["stiffness_without"] = without
+        said += (
+            f" A motor that reports an error, or that nothing is heard from, gives no effort at "
+            f"all: a wall on it is gone, and nothing is given. One that lost its damper alone "
+            f"would bear {without:.4g} {stiff}; where it derates itself below "
+            f"{has.effort:.3g} {effort} and its damper's effort together, this does not "
+            "hold."
+        )
+    numbers["wall_damping"] = found
+    margin = found - needed - has.load_damping
+    if margin > 0.0:
+        power = damper.bias**2 / (4.0 * margin)
+        numbers["bias_w"] = power
+        said += (
+            f" The steps of its velocity and effort push with up to {damper.bias:.2g} {effort} at "
+            f"rest, and may give up to {power:.2g} W."
+        )
+    conditions = (damper.assumed,) if damper.assumed else ()
+    verdict = Verdict(True, said, conditions, alone - has.damper_damping)
+    return Element(name, "damper", axis_name, verdict, verdict, numbers, (said,))

@@ -1,0 +1,146 @@
+"""Rigs whose motors damp by themselves: certified, run, judged; and what befalls them at a wall."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tautwave.certificate.verdict import certify
+from tautwave.errors import ConfigError
+from tautwave.session.identification.identifying import axis_to_identify
+from tautwave.simulation.run import simulate
+from tests.rigs.running import Run, Tree, books, rig_of, run_rig
+from tests.rigs.test_mit_rows import tree
+
+
+def damped(
+    damping: float = 0.1,
+    wall: float = 60.0,
+    filter_hz: float = 500.0,
+    device: float = 0.05,
+    **options: Any,
+) -> Tree:
+    """Return the shipped rig with a wall at the slave, and dampers in both motors."""
+    data = tree(**options)
+    for one in data["buses"]["can"]["options"]["motors"]:
+        if damping:
+            one |= {"damping": damping, "velocity_filter_hz": filter_hz}
+    for side in ("master", "slave"):
+        data[side]["axes"]["lever"]["damping"] = {
+            "value": device, "lower": device, "source": "identified",
+        }  # fmt: skip
+        data["simulation"]["axes"][f"{side}.lever"]["damping"] = device
+    data["coupling"]["pairs"]["lever"]["wall_slave"] = {"position": 0.1, "stiffness": wall}
+    data["simulation"]["environment"]["lever"] = {"type": "free"}
+    return data
+
+
+@cache
+def verdicts(damping: float, wall: float, filter_hz: float = 500.0) -> dict[str, Any]:
+    found = certify(rig_of(damped(damping, wall, filter_hz)), brief=True)
+    return {f"{one.kind} {one.axis}": one for one in found.elements}
+
+
+def test_a_damper_in_the_motor_certifies_a_wall_three_times_as_stiff() -> None:
+    bare = verdicts(0.0, 60.0)["wall slave.lever"]
+    assert not bare.passive.passed
+    assert bare.numbers["passive_stiffness"] == pytest.approx(33.33, abs=0.01)
+    wall = verdicts(0.1, 60.0)["wall slave.lever"]
+    assert wall.passive.passed
+    assert wall.numbers["passive_stiffness"] == pytest.approx(99.9, rel=0.01)
+
+
+def test_what_is_assumed_of_its_filter_is_a_condition() -> None:
+    one = verdicts(0.1, 60.0)["damper slave.lever"]
+    assert one.passive.state == "conditional"
+    assert "V_BW(32) of motor 2" in one.passive.conditions[0]
+    assert one.numbers["bias_w"] == pytest.approx(
+        one.numbers["bias"] ** 2 / 4.0 / (one.numbers["wall_damping"] - 0.09), rel=1e-6
+    )
+    assert "would bear 33.33 N m/rad" in one.sentences[0]
+    assert "whatever the hand" in verdicts(0.1, 60.0)["damper master.lever"].sentences[0]
+
+
+def test_a_damper_that_its_device_cannot_bear_fails_and_says_which_would_do() -> None:
+    one = verdicts(0.6, 20.0)["damper slave.lever"]
+    assert not one.passive.passed
+    assert "takes 0.0948 N m s/rad of the device's damping" in one.passive.reason
+    lower = float(one.passive.reason.rpartition(" to ")[2])
+    assert verdicts(lower, 20.0)["damper slave.lever"].passive.passed
+
+
+def test_a_slow_filter_lends_less() -> None:
+    slow, quick = (
+        verdicts(0.1, 60.0, hz)["wall slave.lever"].numbers["passive_stiffness"]
+        for hz in (30.0, 500.0)
+    )
+    assert 33.33 < slow < 0.7 * quick
+
+
+def test_derating_stops_at_what_the_damper_allows() -> None:
+    data = damped(0.1, 200.0)
+    data["coupling"]["pairs"]["lever"]["wall_slave"] |= {"derate": True, "damping": 0.01}
+    found = certify(rig_of(data), brief=True)
+    assert 50.0 < found.walls["slave.lever"]["rendered_stiffness"] < 120.0
+    wall = next(one for one in found.elements if one.kind == "wall")
+    assert wall.passive.passed
+
+
+def test_a_device_is_identified_without_it() -> None:
+    data = damped()
+    with pytest.raises(ConfigError, match="remove damping from the options of bus 'can'"):
+        axis_to_identify(rig_of(data), "slave.lever")
+    assert axis_to_identify(rig_of(damped(0.0)), "slave.lever") == "slave.lever"
+
+
+def test_such_devices_are_not_compiled() -> None:
+    rig = rig_of(damped())
+    run = simulate(rig, duration_s=0.02)
+    assert np.isfinite(run["slave.lever.damper_least"]).all()
+
+
+@pytest.fixture(scope="module")
+def rows() -> Run:
+    return run_rig(damped(), duration_s=3.0)
+
+
+@pytest.mark.slow
+def test_the_wall_holds_and_every_book_closes(rows: Run) -> None:
+    assert rows["true.slave.lever.position"].max() > 0.1
+    found = books(rows, "lever")
+    assert found.residual < 1e-9 * found.gross_flow
+    assert found.plant_residual < 1e-9 * found.plant_flow
+    for side in ("master", "slave"):
+        taken, least = (rows[f"{side}.lever.damper_{what}"] for what in ("absorbed", "least"))
+        true = 1e-3 * 82 * 5.0 / 4095 * (rows[f"true.{side}.lever.velocity"] ** 2).sum()
+        assert 0.6 * true < least[-1] <= true
+        # A motor reports its torque truncated: half a step of it over all ways is not known.
+        way = np.abs(np.diff(rows[f"{side}.lever.position"])).sum()
+        assert abs(taken[-1] - true) <= 0.5 * 20.0 / 4095 * way + 0.02 * true
+
+
+@pytest.mark.parametrize(
+    ("quirk", "words", "state"),
+    [
+        ({"restarts_at_s": 0.05}, "slave.lever: motor 2: disabled: it was switched off and on", 0),
+        ({"error_at_s": 0.05, "error": 9}, "slave.lever: motor 2: under-voltage", 9),
+        ({"silent_at_s": 0.05}, "slave.lever on bus 'can': no sample in 3 cycles", 0),
+    ],
+    ids=["restart", "brown-out", "silent"],
+)
+def test_what_befalls_a_motor_in_contact_takes_its_damper_too(
+    quirk: dict[str, Any], words: str, state: int
+) -> None:
+    data = damped(simulator={"motors": {"2": quirk}})
+    data["coupling"]["pairs"]["lever"]["wall_slave"]["position"] = -0.01  # in contact at once
+    run = run_rig(data, raises=False, duration_s=0.1)
+    assert words in str(run.result.error)
+    motor = run.assembly.simulators[0].world.motors[1]
+    assert (motor.state, motor.torque) == (state, 0.0)
+    before = motor.axis.physics.motor_work
+    motor.axis.physics.v = 1.0
+    motor.pass_slot()
+    assert motor.axis.physics.motor_work == before  # neither effort nor damper
