@@ -36,7 +36,7 @@ from hypothesis.internal.conjecture import providers
 
 from tautwave.config.text import document, yaml12
 from tautwave.runtime import machine
-from tests import compiling
+from tests import compiling, workers
 
 # `.ci/run` sets it: it has installed every library, so a test that misses one is a hole in the net.
 LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
@@ -99,6 +99,11 @@ def no_bytecode(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """A few files run in this process: workers take longer to start than most files run."""
+    return 0 if workers.names_only_files(config.invocation_params.args) else None
 
 
 @pytest.hookimpl(tryfirst=True)  # before markers are looked at
