@@ -137,6 +137,8 @@ class DriveLine:
         self.refuse: Callable[[bytes], int] = lambda pdu: 0
         self.twin: Drive | None = None
         self.connections = 0
+        self.more_ns = 0
+        """How much longer each answer takes than it has to."""
 
     def port(self, endpoint: str) -> Port:
         self.connections += 1
@@ -178,7 +180,9 @@ class Port:
         pdu = self._answer(frame[6], frame[7:], now_ns)
         if pdu:
             header = frame[:4] + struct.pack(">HB", len(pdu) + 1, frame[6])
-            self.coming.append((now_ns + 200_000, self.line.spoil(header + pdu)))
+            self.coming.append(
+                (now_ns + 200_000 + self.line.more_ns, self.line.spoil(header + pdu))
+            )
         return True
 
     def _take_serial(self, now_ns: int) -> bool:
@@ -188,7 +192,9 @@ class Port:
         pdu = self._answer(frame[0], frame[1:-2], now_ns)
         if pdu:
             whole = frame[:1] + pdu
-            self.coming.append((now_ns + 500_000, self.line.spoil(whole + crc16(whole))))
+            self.coming.append(
+                (now_ns + 500_000 + self.line.more_ns, self.line.spoil(whole + crc16(whole)))
+            )
         if self.line.twin is not None and frame[0] == 1:
             other = frame[:1] + self.line.twin.respond(frame[1:-2])
             self.coming.append((now_ns + 2_500_000, other + crc16(other)))

@@ -395,3 +395,21 @@ def test_the_loop_imports_neither_numpy_nor_mcap() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.slow
+def test_rows_that_a_stopped_writer_has_not_taken_are_the_backlog(tmp_path: Path) -> None:
+    recorder = make(tmp_path / "recording.mcap", lossless=False, rows=64)
+    recorder.start()
+    assert recorder.writer_pid is not None
+    os.kill(recorder.writer_pid, signal.SIGSTOP)
+    try:
+        wait_until(lambda: state_of(recorder.writer_pid or 0) == "T")
+        assert recorder.backlog == 0.0
+        assert put(recorder, range(48)) == 48
+        assert recorder.backlog == 0.75
+    finally:
+        os.kill(recorder.writer_pid, signal.SIGCONT)
+    wait_until(lambda: recorder.backlog == 0.0)
+    stats = recorder.close()
+    assert (stats.rows_written, stats.rows_dropped) == (48, 0)

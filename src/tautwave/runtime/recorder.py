@@ -167,6 +167,12 @@ class Recorder:
         """Leave news for viewers; they see the last ones only."""
         self._ring.tell(text)
 
+    @property
+    def backlog(self) -> float:
+        """Share of the ring whose rows are not in the file yet; 1: the next are lost."""
+        shared = self._ring.words
+        return float(shared[words.HEAD] - shared[words.TAIL]) / self._ring.rows
+
     def problem(self) -> str | None:
         """One sentence once the writer has failed or died, else None. Too slow for every cycle."""
         if self._stats is not None:

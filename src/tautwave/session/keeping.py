@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import os
 import shutil
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tautwave.files import make_directory
 
+PROBE_S, PROBE_BYTES = 1.0, 1 << 18
+"""A disk is tried with so much of a recording [s], for no longer, and by so many bytes at once."""
+MAX_BACKLOG = 0.5
 VALUE_BYTES = 8
 """A recorded number; compression of chunks makes it less."""
 
@@ -63,6 +70,66 @@ def warn_of_little_room(
                 f"{most * 1e-6:.3g} MB: on a full disk it ends before the run; free some, give "
                 "--out on another disk, or a shorter --duration"
             )
+
+
+def warn_of_slow_disk(
+    directory: Path,
+    bytes_per_s: float,
+    warn: Callable[[str], None] | None,
+    now: Callable[[], float] = time.perf_counter,
+) -> None:
+    """Warn before anything moves where the disk takes rows more slowly than a run makes them.
+
+    A part of a second of the recording is written there, forced out, and removed again.
+
+    Parameters
+    ----------
+    directory : Path
+        The run's.
+    bytes_per_s : float
+        What the run records.
+    warn : callable, optional
+        Takes the sentence.
+    now : callable, optional
+        Time [s].
+    """
+    if warn is None:
+        return
+    wanted, done, began = PROBE_S * bytes_per_s, 0, now()
+    try:
+        with tempfile.TemporaryFile(dir=directory, buffering=0) as file:
+            while done < wanted and now() - began < PROBE_S:
+                done += file.write(os.urandom(PROBE_BYTES))
+                os.fsync(file.fileno())
+        spent = now() - began
+    except OSError:
+        return  # the recording itself will say why
+    taken = done / spent if spent > 0.0 else math.inf
+    if taken < bytes_per_s:
+        warn(
+            f"{directory}: the disk takes {taken * 1e-6:.3g} MB/s (measured), and the run records "
+            f"up to {bytes_per_s * 1e-6:.3g} MB/s: rows may be lost; give --out on another disk"
+        )
+
+
+def backlog_warning(
+    share: Callable[[], float], warn: Callable[[str], None] | None
+) -> Callable[[], None]:
+    """Return a function that warns, once, when rows wait for the disk while a run goes on.
+
+    `share` of the rows that may wait do.
+    """
+    said: list[bool] = []
+
+    def look() -> None:
+        if warn is not None and not said and share() > MAX_BACKLOG:
+            said.append(True)
+            warn(
+                "the disk is slower than the run: half of the rows that may wait for it do, and "
+                "the next ones are soon lost; stop, and give --out on another disk"
+            )
+
+    return look
 
 
 def _forget(directory: Path, there: set[Path], made: list[Path]) -> None:

@@ -33,7 +33,13 @@ from tautwave.session.devices import devices
 from tautwave.session.engine import compiled_devices, scene_devices, with_engine
 from tautwave.session.facts import pair_facts, summary_claims
 from tautwave.session.hooks import session_hooks
-from tautwave.session.keeping import run_directory, warn_of_little_room
+from tautwave.session.keeping import (
+    VALUE_BYTES,
+    backlog_warning,
+    run_directory,
+    warn_of_little_room,
+    warn_of_slow_disk,
+)
 from tautwave.session.network import link_claims
 from tautwave.session.operating import (
     claimed_span,
@@ -317,6 +323,8 @@ def _move(
     """
     rows = rig.duration_s * rig.rate_hz
     warn_of_little_room(directory, rows, len(assembly.columns), warn)
+    if clock == "real":
+        warn_of_slow_disk(directory, rig.rate_hz * len(assembly.columns) * VALUE_BYTES, warn)
     recorder = Recorder(
         directory / "recording.mcap",
         assembly.columns,
@@ -328,13 +336,20 @@ def _move(
         live=facts,
     )
     tell_viewers(assembly, recorder)
+    waiting = backlog_warning(lambda: recorder.backlog, warn)
+
+    def going(share: float, text: str) -> None:
+        waiting()
+        if progress is not None:
+            progress(share, text)
+
     loop = Loop(
         assembly.clock,
         assembly.buses,
         assembly.control,
         assembly.sources,
         recorder,
-        progress,
+        going if clock == "real" else progress,
         begun=recorder.begin,
         opened=None if warn is None else _opened(rig, assembly, real, warn),
     )

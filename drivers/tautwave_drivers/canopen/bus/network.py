@@ -25,6 +25,7 @@ from tautwave_drivers.canopen.files.reading import Setting
 from tautwave_drivers.cia402 import communication, objects
 from tautwave_drivers.cia402.aborts import NO_OBJECT, NOT_NOW, abort_text
 from tautwave_drivers.cia402.entry import Entry, pack, unpack
+from tautwave_drivers.patience import SPARE, Patience
 
 _RETRIES = 3
 _SLOWEST = 4
@@ -70,8 +71,9 @@ class EndlessError(BusTimeout):
 class Responses:
     """Replaces the queue of canopen's SDO client.
 
-    `until_ns` is when the transfer under way has to be complete, and `late` whether it was not:
-    the library takes segments for as long as they come. `asked` are the bytes that name its object:
+    `until_ns` is when the transfer under way has to be complete, and `late` whether it was not: the
+    library takes segments for as long as they come. `host_late`: this host was late itself when
+    its last wait ended. `asked` are the bytes that name its object:
     what comes late for another one is dropped. The library would take its abort for this one's, and
     an object that changes a sign would pass as absent. `twice` counts responses beyond
     the one expected, as two nodes with one id give; none after a `repeated` request, which has two.
@@ -85,6 +87,8 @@ class Responses:
         self.asked = _UNNAMED
         self.twice = 0
         self.repeated = False
+        self.host_late = False
+        self._patience = Patience()
         self._due = 0
 
     def put(self, item: bytes) -> None:
@@ -107,9 +111,13 @@ class Responses:
         if now >= self.until_ns:
             self.late = True
             raise queue.Empty
-        deadline = now + round(timeout * 1e9)
+        timeout_ns = round(timeout * 1e9)
+        deadline = now + timeout_ns + self._patience.more_ns
         while not self._items:
             if not self._net.pump(deadline) and not self._items:
+                self.host_late = self._patience.note(
+                    self._net.clock.now_ns() - deadline, timeout_ns
+                )
                 raise queue.Empty
         return self._items.popleft()
 
@@ -322,11 +330,18 @@ class RemoteDrive:
         self._responses.until_ns = self._net.clock.now_ns() + self._longest_ns
         self._responses.late = False
         self._responses.asked = struct.pack("<HB", entry.index, entry.sub)
-        for left in range(_RETRIES - 1, -1, -1):
+        tries, spare = _RETRIES, SPARE
+        while tries:
+            self._responses.host_late = False
             try:
                 return transfer()
             except SdoCommunicationError:
-                if not left or self._responses.late:
+                if self._responses.host_late and spare:
+                    spare -= 1
+                    self._responses.until_ns = self._net.clock.now_ns() + self._longest_ns
+                else:
+                    tries -= 1
+                if not tries or self._responses.late:
                     self._node.sdo.RESPONSE_TIMEOUT = self._timeout_s
                     raise
                 self._responses.repeated = True

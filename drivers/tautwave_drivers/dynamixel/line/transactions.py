@@ -13,20 +13,13 @@ from tautwave.contracts import BytePort, Clock
 from tautwave_drivers import protocol1
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.packet import Packet
+from tautwave_drivers.patience import SPARE, Patience
 
 RESPONSE_S = 0.03
 """Beyond wire time and the adapter's latency timer: the longest return delay is 0.5 ms, the rest
 is the host."""
 
 TRIES = 3
-SPARE = 5
-"""More tries, of those in which this host itself came late: they do not count against the servo."""
-LATER = 4
-"""A host waits this many times its own lateness for a response: the answer may come from a program
-on the same host, which is scheduled twice where this one is scheduled once."""
-SLOWEST_S = 0.5
-"""Whatever the host's lateness [s]."""
-
 LONGEST_S = 0.017
 """The longest latency timer, for the one broadcast ping of protocol 2.0."""
 
@@ -91,7 +84,7 @@ class PacketLine:
         self._clock = clock
         self._byte_ns = round(1e10 / baud)
         self._timeout_ns = round(1e9 * (latency_s + timeout_s))
-        self._late_ns = 0
+        self._patience = Patience()
 
     def ping(self, device_id: int) -> Response | None:
         """Return model number and firmware."""
@@ -125,14 +118,13 @@ class PacketLine:
             self._port.read()
             self._port.write(request)
             wire_ns = (len(request) + 11 + size) * self._byte_ns
-            more_ns = min(LATER * self._late_ns, round(1e9 * SLOWEST_S))
-            until = limit_ns or self._clock.now_ns() + wire_ns + self._timeout_ns + more_ns
+            wait_ns = wire_ns + self._timeout_ns + self._patience.more_ns
+            until = limit_ns or self._clock.now_ns() + wait_ns
             found = _await(self._port, self._clock, device_id, until, packet.take_packet, size)
             if found is not None:
                 return Response(found.error, found.data)
-            late_ns = self._clock.now_ns() - until
-            self._late_ns = max(self._late_ns, late_ns)
-            if 2 * late_ns > self._timeout_ns and spare:
+            late = self._patience.note(self._clock.now_ns() - until, self._timeout_ns)
+            if late and spare:
                 spare -= 1
             else:
                 tries -= 1

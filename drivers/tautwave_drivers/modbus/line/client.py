@@ -10,6 +10,7 @@ from tautwave_drivers.modbus.protocol.frames import REFUSED, Request, rtu_reques
 from tautwave_drivers.modbus.protocol.transaction import Transaction
 from tautwave_drivers.modbus.sequence import Procedure, is_busy, refusal
 from tautwave_drivers.modbus.station import Station
+from tautwave_drivers.patience import SPARE, Patience
 
 TRIES = 5
 BUSY_S = 3.0
@@ -136,6 +137,7 @@ class Client:
         self._tries = tries
         self._busy_ns = round(1e9 * (BUSY_S if busy_s is None else busy_s))
         self._gives_up = busy_s is not None
+        self._patience = Patience()
 
     def request(self, station: Station, request: Request) -> bytes:
         """Return the response, maybe an exception; a busy drive is asked again.
@@ -149,8 +151,9 @@ class Client:
         """
         clock = self._clock
         pdu = b""
-        for _ in range(self._tries):
-            until = clock.now_ns() + self._timeout_ns
+        tries, spare = self._tries, 0 if self._gives_up else SPARE
+        while tries:
+            until = clock.now_ns() + self._timeout_ns + self._patience.more_ns
             try:
                 pdu = request_once(self._link, clock, station.device.unit, request, until)
             except DriverError as err:
@@ -162,6 +165,10 @@ class Client:
                 pdu = request_once(self._link, clock, station.device.unit, request, until)
             if pdu:
                 return pdu
+            if self._patience.note(clock.now_ns() - until, self._timeout_ns) and spare:
+                spare -= 1
+            else:
+                tries -= 1
         self._link.abandon()  # what came of the last is counted
         wrong = self._link.misses(station.device.unit)
         if wrong:
