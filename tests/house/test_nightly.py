@@ -7,7 +7,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from tests.lab.command import lab
+from tests.lab.__main__ import lab
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / ".ci" / "nightly"

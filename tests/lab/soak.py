@@ -41,7 +41,7 @@ from tests.lab.strangers.crowd import KINDS
 
 FAULT_S = 5.0
 """Mean time between two faults [s]."""
-BEGIN_S = 120.0
+BEGIN_S, PAGE_S = 120.0, 60.0
 SETTLED = 0.2
 """Share of the time after which memory is expected to stay."""
 LINK_HZ = 1000.0
@@ -285,16 +285,19 @@ def long(minutes: float, seed: int, *, link: bool, tell: Callable[[str], None]) 
 
 
 def _page_of(server: int) -> str:
-    """Return the address at which a page's server listens."""
-    sockets = {
-        link.readlink().name
-        for link in Path(f"/proc/{server}/fd").iterdir()
-        if link.readlink().name.startswith("socket:")
-    }
-    for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
-        fields = line.split()
-        if fields[3] == "0A" and f"socket:[{fields[9]}]" in sockets:
-            return f"http://127.0.0.1:{int(fields[1].rpartition(':')[2], 16)}/"
+    """Return the address at which a page's server listens, once it does."""
+    until = time.monotonic() + PAGE_S
+    while time.monotonic() < until:
+        sockets = {
+            link.readlink().name
+            for link in Path(f"/proc/{server}/fd").iterdir()
+            if link.readlink().name.startswith("socket:")
+        }
+        for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == "0A" and f"socket:[{fields[9]}]" in sockets:
+                return f"http://127.0.0.1:{int(fields[1].rpartition(':')[2], 16)}/"
+        time.sleep(0.1)
     raise click.ClickException("the page is not served")
 
 
