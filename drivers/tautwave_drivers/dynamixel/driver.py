@@ -31,7 +31,13 @@ from tautwave_drivers.dynamixel.listening import refuse_another_master
 from tautwave_drivers.dynamixel.options import DynamixelOptions, Servo, match_servos, with_shadows
 from tautwave_drivers.dynamixel.protocol import registers as reg
 from tautwave_drivers.dynamixel.protocol.models import COUNTS_PER_TURN
-from tautwave_drivers.dynamixel.protocol.units import CURRENT_RANGE, Scale, scale_of, whole_turns
+from tautwave_drivers.dynamixel.protocol.units import (
+    CURRENT_RANGE,
+    Scale,
+    doubt_of,
+    scale_of,
+    whole_turns,
+)
 from tautwave_drivers.dynamixel.staging import Staging
 from tautwave_drivers.dynamixel.state import FORGETS_NS, Errors, Remembered
 from tautwave_drivers.dynamixel.watching import Watch
@@ -211,20 +217,21 @@ class DynamixelDriver(DriverBase):
             values = self._exchange.values[at]
             if values is None or servo.mode == reg.POSITION_MODE:
                 continue
+            where = f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id})"
             turns = whole_turns(scale, values[3], servo.axis.position_range)
             if turns is None:
                 raise DriverError(
-                    f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id}): it is "
-                    "whole turns off, and its position_range has room for more than one number of "
-                    "turns; switch the servo off and on"
+                    f"{where}: it is whole turns off, and its position_range has room for more "
+                    "than one number of turns; switch the servo off and on"
                 )
             if turns:
                 scales[at] = scale._replace(zero_counts=scale.zero_counts + turns * COUNTS_PER_TURN)
                 self.notes.append(
-                    f"{servo.axis.name} (bus {self._bus.name}, servo {servo.options.id}): counts "
-                    f"{turns:+d} whole turn{'' if abs(turns) == 1 else 's'} since it was switched "
-                    "on; taken off: only so it is within position_range"
+                    f"{where}: counts {turns:+d} whole turn{'' if abs(turns) == 1 else 's'} since "
+                    "it was switched on; taken off: only so it is within position_range"
                 )
+            elif open_turns := doubt_of(scale, values[3], servo.axis.position_range):
+                self.notes.append(f"{where}: {open_turns}")
         self._set_scales(scales)
         self._staging = Staging(self._axes, self._scales, self._limits)
 

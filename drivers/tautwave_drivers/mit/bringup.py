@@ -16,7 +16,7 @@ from tautwave_drivers.mit import damiao
 from tautwave_drivers.mit.damiao import Feedback, Register
 from tautwave_drivers.mit.options import MitOptions, Motor, Scale, scale_of
 from tautwave_drivers.mit.registers import Registers
-from tautwave_drivers.turns import turns_back
+from tautwave_drivers.turns import doubt, turns_back
 
 CLOSE = 1e-3
 """Relative difference of a range that is rounding of a rig file, not another range."""
@@ -203,6 +203,8 @@ class Bringup:
                 "correct zero"
             )
         if turns[0] == 0:
+            if open_turns := doubt(position, axis.position_range):
+                self._notes.append(f"{where}: {open_turns}")
             return scale
         if len(turns) > 1:
             raise DriverError(

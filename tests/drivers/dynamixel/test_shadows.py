@@ -191,6 +191,17 @@ def test_turns_that_the_range_does_not_tell_apart_are_refused() -> None:
         made.driver.open()
 
 
+@pytest.mark.parametrize(("gear", "doubted"), [(1.0, False), (4.0, True)])
+def test_turns_that_the_range_leaves_open_are_said(gear: float, doubted: bool) -> None:
+    """After a power-up a servo behind a gear of 4 may be a quarter turn of its axis further."""
+    made = rig({}, servos=[servo(1, gear_ratio=gear)])
+    made.line.servos[0].turn = 2048.0
+    made.driver.open()
+    said = [note for note in made.driver.notes if "loses whole turns (1.571)" in note]
+    assert len(said) == doubted
+    made.driver.close()
+
+
 @pytest.mark.parametrize("gear", [0.5, 1.0, 9.0])
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("zero", [0, 2048])

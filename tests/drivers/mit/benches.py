@@ -30,9 +30,16 @@ def block(*motors: dict[str, Any], **more: Any) -> dict[str, Any]:
     return {"interface": "virtual", "channel": "test", "motors": list(motors), **more}
 
 
-def bus_of(options: dict[str, Any], rate_hz: float = 1000.0, **more: Any) -> BusSpec:
+def bus_of(
+    options: dict[str, Any],
+    rate_hz: float = 1000.0,
+    position_range: tuple[float, float] = RANGE,
+    **more: Any,
+) -> BusSpec:
     axes = tuple(
-        AxisSpec(f"master.a{one['id']}", one["id"], "rotary", "impedance", 1.0, 20.0, RANGE)
+        AxisSpec(
+            f"master.a{one['id']}", one["id"], "rotary", "impedance", 1.0, 20.0, position_range
+        )
         for one in options["motors"]
     )
     return BusSpec("can", axes, rate_hz, **more)

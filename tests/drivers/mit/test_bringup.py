@@ -129,6 +129,17 @@ def test_lost_turns_are_taken_back_where_the_range_tells(turns: int) -> None:
     rig.driver.close()
 
 
+@pytest.mark.parametrize(("most", "doubted"), [(3.1, 0), (7.0, 1)])
+def test_turns_that_a_range_leaves_open_are_said(most: float, doubted: int) -> None:
+    rig = foreign(motor(1), bus={"position_range": (-most, most)})
+    rig.motors[0].x = 0.5
+    rig.up()
+    said = [note for note in rig.driver.notes if "loses whole turns" in note]
+    assert len(said) == doubted
+    assert all("also holds -5.783 or 6.783" in note for note in said)
+    rig.driver.close()
+
+
 def test_a_place_that_no_turn_explains_is_refused() -> None:
     rig = foreign(motor(1))
     rig.motors[0].x = 3.1

@@ -11,7 +11,7 @@ from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError
 from tautwave_drivers.mit import plugin
 from tautwave_drivers.mit.options import facts, motors_of
-from tautwave_drivers.turns import turns_back
+from tautwave_drivers.turns import doubt, turns_back
 from tests.drivers.mit.benches import block, bus_of, driver_options, motor
 
 
@@ -130,3 +130,16 @@ def test_turns_that_a_range_allows(
     position: float, limits: tuple[float, float], turns: list[int]
 ) -> None:
     assert turns_back(position, limits) == turns
+
+
+@pytest.mark.parametrize("per_turn", [math.tau, 0.7])
+def test_a_doubt_names_each_other_place_of_a_range(per_turn: float) -> None:
+    """Against a count of places, one by one; outside the range nothing is said here."""
+    for low, high in ((-1.0, 1.0), (-0.3, 0.3), (-7.0, 7.0), (0.0, 6.0)):
+        for position in (-6.5, -0.9, 0.0, 0.25, 2.0, 6.0):
+            places = [position + turns * per_turn for turns in range(-30, 31)]
+            others = [one for one in places if low <= one <= high and one != position]
+            said = doubt(position, (low, high), per_turn)
+            assert bool(said) == (low <= position <= high and bool(others))
+            for one in sorted(others, key=lambda place: abs(place - position))[:1]:
+                assert not said or f"{one:.4g}" in said

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from tautwave.types import AxisCommand
 from tautwave_drivers.dynamixel.options import Servo
 from tautwave_drivers.dynamixel.protocol.models import COUNTS_PER_TURN, LOAD_UNIT, VELOCITY_UNIT
-from tautwave_drivers.turns import turns_back
+from tautwave_drivers.turns import doubt, turns_back
 
 CURRENT_RANGE = 32_767
 
@@ -53,6 +53,12 @@ def whole_turns(scale: Scale, counts: int, position_range: tuple[float, float]) 
     if not back or back[0] == 0:
         return 0
     return -scale.direction * back[0] if len(back) == 1 else None
+
+
+def doubt_of(scale: Scale, counts: int, position_range: tuple[float, float]) -> str:
+    """Return which other whole turns of a servo its range leaves open; empty where none."""
+    position = scale.direction * (counts - scale.zero_counts) * scale.position
+    return doubt(position, position_range, COUNTS_PER_TURN * scale.position)
 
 
 def scale_of(servo: Servo) -> Scale:
