@@ -1,6 +1,7 @@
 """`python -m tests.lab NAME`."""
 
 from tests.lab.command import lab
+from tests.lab.motor_walls import motor_walls
 from tests.lab.papers.command import papers
 from tests.lab.renamed import renamed
 from tests.lab.soak import soak
@@ -8,6 +9,7 @@ from tests.lab.springs import springs
 from tests.lab.strangers.shares import shares
 from tests.lab.waiting import waiting
 
+lab.add_command(motor_walls)
 lab.add_command(papers)
 lab.add_command(renamed)
 lab.add_command(soak)

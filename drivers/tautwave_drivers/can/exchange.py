@@ -10,9 +10,13 @@ from collections.abc import Callable, Sequence
 
 from tautwave.contracts import Clock, FramePort
 from tautwave.errors import DriverError
+from tautwave_drivers.can.batches import Frame, receiving, sending
 from tautwave_drivers.can.errors import error_text
 from tautwave_drivers.can.framing import ERROR_FRAME
 from tautwave_drivers.can.full_queue import CHECK, FullQueue
+
+MANY = 64
+"""Frames that are taken at once."""
 
 
 class Exchange:
@@ -25,7 +29,8 @@ class Exchange:
     clock : Clock
         What waits.
     take : callable
-        Takes identifier, data and arrival [ns] of a data frame; True: an answer that was missing.
+        Takes frames, each with identifier, data and arrival [ns]; returns how many answers that
+        were missing are among them. Those with an id that it does not know it gives to `strange`.
     remedy : str
         What to do about a queue that stays full.
 
@@ -35,22 +40,25 @@ class Exchange:
         Answers still to come in this cycle; set by the caller.
     lost : str
         Why the bus cannot be used any more, else ''.
+    told : list of str
+        What `reports` will return.
     """
 
     def __init__(
         self,
         port: FramePort,
         clock: Clock,
-        take: Callable[[int, bytes, int], bool],
+        take: Callable[[Sequence[Frame]], int],
         remedy: str = CHECK,
     ) -> None:
         self.port = port
         self._clock = clock
         self._take = take
         self._runs = hasattr(port, "advance")
+        self._send_all, self._receive_some = sending(port), receiving(port)
         self.missing = 0
         self.lost = ""
-        self._reports: list[str] = []
+        self.told: list[str] = []
         self._counts: dict[str, int] = {}
         self._queue = FullQueue(remedy)
         self._received = 0
@@ -85,14 +93,12 @@ class Exchange:
 
     def ask(self, requests: Sequence[tuple[int, bytes]]) -> None:
         """Send requests, each of which has one answer in this cycle."""
-        send = self.port.send
         try:
             if not self._queue.cycles:
-                for can_id, data in requests:
-                    if not send(can_id, data):
-                        self._queue.refused(self._received)
-                        return
-                    self.missing += 1
+                sent = self._send_all(requests)
+                self.missing += sent
+                if sent < len(requests):
+                    self._queue.refused(self._received)
                 return
         except DriverError as err:
             self.lose(str(err))
@@ -107,27 +113,22 @@ class Exchange:
         try:
             if self._runs:  # a simulated bus, up to now
                 self._clock.wait(self.port, self._clock.now_ns())
-            while (frame := self.port.receive()) is not None:
-                self._hear(frame)
+            while frames := self._receive_some(MANY):
+                self._received += len(frames)
+                self.missing -= self._take(frames)
         except DriverError as err:
             self.lose(str(err))
 
     def collect(self, deadline_ns: int) -> None:
         """Take frames until no answer is missing, or the time is up."""
-        receive, take = self.port.receive, self._take
+        receive, take = self._receive_some, self._take
         try:
             while self.missing > 0 and not self.lost:
-                frame = receive()
-                if frame is not None:
-                    can_id, data, arrival_ns = frame
-                    if can_id & ERROR_FRAME:
-                        self._hear(frame)
-                        continue
-                    self._received += 1
-                    if take(can_id, data, arrival_ns):
-                        self.missing -= 1
-                elif not self._clock.wait(self.port, deadline_ns):
+                frames = receive(self.missing)
+                if not frames and not self._clock.wait(self.port, deadline_ns):
                     return
+                self._received += len(frames)
+                self.missing -= take(frames)
         except DriverError as err:
             self.lose(str(err))
 
@@ -139,21 +140,19 @@ class Exchange:
         """Report something about the bus; repeats are reported at 10, 100, 1000 ... times."""
         count = self._counts[text] = self._counts.get(text, 0) + 1
         if str(count).strip("0") == "1":
-            self._reports.append(text + (f" ({count} times)" if count > 1 else ""))
+            self.told.append(text + (f" ({count} times)" if count > 1 else ""))
 
     def reports(self) -> list[str]:
         """Return what was reported since the last call."""
-        found, self._reports = self._reports, []
+        found, self.told = self.told, []
         return found
 
-    def _hear(self, frame: tuple[int, bytes, int]) -> None:
-        self._received += 1
-        can_id, data, arrival_ns = frame
-        if can_id & ERROR_FRAME:
-            text, lost = error_text(can_id, data)
-            if lost:
-                self.lose(text)
-            else:
-                self.report(f"CAN: {text}")
-        elif self._take(can_id, data, arrival_ns):
-            self.missing -= 1
+    def strange(self, can_id: int, data: bytes) -> None:
+        """Take a frame of an unknown id: report an error frame, or take the bus for lost."""
+        if not can_id & ERROR_FRAME:
+            return
+        text, lost = error_text(can_id, data)
+        if lost:
+            self.lose(text)
+        else:
+            self.report(f"CAN: {text}")

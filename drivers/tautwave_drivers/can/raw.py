@@ -8,11 +8,12 @@ from __future__ import annotations
 import errno
 import socket
 import struct
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
+from tautwave_drivers.can.batches import send_each
 from tautwave_drivers.can.errors import gone
 from tautwave_drivers.can.framing import (
     EXTENDED,
@@ -23,6 +24,7 @@ from tautwave_drivers.can.framing import (
 
 _REMOTE = 0x40000000
 _FRAME = struct.Struct("<IB3x8s")  # struct can_frame
+_PACK, _UNPACK, _MTU = _FRAME.pack, _FRAME.unpack, _FRAME.size
 _FD_FRAME = struct.Struct("<IBB2x64s")  # struct canfd_frame
 _RATE_SWITCH = 0x01  # CANFD_BRS
 _FD_MTU = 72
@@ -128,27 +130,56 @@ class RawPort:
             raise gone(self._where, err) from err
         return True
 
+    def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:
+        """Send frames until the queue of the interface is full; return how many went out."""
+        if self._fd:
+            return send_each(self, frames)
+        send, pack = self._send, _PACK
+        sent = 0
+        try:
+            for can_id, data in frames:
+                size = len(data)
+                if can_id > STANDARD_MASK or size > 8:
+                    self._framing.check(can_id, size)
+                send(pack(can_id, size, data))
+                sent += 1
+        except OSError as err:
+            if err.errno not in _FULL:
+                raise gone(self._where, err) from err
+        return sent
+
     def receive(self) -> tuple[int, bytes, int] | None:
         """Return the oldest frame as id, data and arrival [ns], None if there is none."""
-        while True:
-            try:
-                got = self._recv(_FD_MTU)
-            except BlockingIOError:
-                return None
-            except OSError as err:
+        found = self.receive_some(1)
+        return found[0] if found else None
+
+    def receive_some(self, most: int) -> list[tuple[int, bytes, int]]:
+        """Return what has arrived, oldest first, `most` frames at most."""
+        recv, now_ns, others, fd = self._recv, self._now_ns, self._others, self._fd
+        found: list[tuple[int, bytes, int]] = []
+        try:
+            while len(found) < most:
+                got = recv(_FD_MTU)
+                if len(got) == _MTU:
+                    can_id, size, data = _UNPACK(got)
+                    if fd:
+                        self.classic_ids.add(can_id)
+                    if size < 8:
+                        data = data[:size]
+                elif len(got) == _FD_MTU and fd:
+                    can_id, size, _, data = _FD_FRAME.unpack(got)
+                    if size < 64:
+                        data = data[:size]
+                else:
+                    continue
+                if not can_id & others:
+                    found.append((can_id, data, now_ns()))
+        except BlockingIOError:
+            pass
+        except OSError as err:
+            if not found:  # else the next call says it
                 raise gone(self._where, err) from err
-            if len(got) == _FRAME.size:
-                can_id, size, data = _FRAME.unpack(got)
-                longest = 8
-                if self._fd:
-                    self.classic_ids.add(can_id)
-            elif len(got) == _FD_MTU and self._fd:
-                can_id, size, _, data = _FD_FRAME.unpack(got)
-                longest = 64
-            else:
-                continue
-            if not can_id & self._others:
-                return can_id, data if size >= longest else data[:size], self._now_ns()
+        return found
 
     def listen(self, ids: Collection[int]) -> None:
         """Take these ids only from now on, and error frames."""

@@ -22,6 +22,7 @@ from tautwave.contracts import BusSpec, Clock, FramePort, Row
 from tautwave.driver_base import DriverBase
 from tautwave.errors import DeviceFault, DriverError
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
+from tautwave_drivers.can.batches import Frame
 from tautwave_drivers.can.exchange import Exchange
 from tautwave_drivers.can.framing import Framing
 from tautwave_drivers.can.full_queue import queue_remedy
@@ -90,14 +91,19 @@ class MitDriver(DriverBase):
         period = 1.0 / bus.rate_hz
         pairs = zip(bus.axes, self._motors, strict=True)
         self._axes = [Axis(spec, motor, period) for spec, motor in pairs]
+        self._commands = [(at, axis.motor.id, axis.command) for at, axis in enumerate(self._axes)]
+        self._samples = [axis.joint_state for axis in self._axes]
         self._damped = [axis for axis in self._axes if axis.damper is not None]
         self._numbers = [motor.id for motor in self._motors]
-        self._places = {axis.motor.feedback_id: at for at, axis in enumerate(self._axes)}
+        self._by_id = {axis.motor.feedback_id: axis for axis in self._axes}
         self._exchange: Exchange | None = None
         self._enabling: Enabling | None = None
         self._armed: list[int | None] = [timeout_counts(options)] * len(self._axes)
         self._efforts = [0.0] * len(self._axes)
-        self._asked_ns = 0
+        self._over = False
+        """The cycle that answers are taken in for is over."""
+        self._earliest_ns = 0
+        """Before that no answer to this cycle's requests can be there."""
         self._shortest_ns = 0
         self._window = max(2, round(WINDOW_S * bus.rate_hz))
         self._cycle = 0
@@ -125,7 +131,7 @@ class MitDriver(DriverBase):
         self._classic(port)
         listen: Any = getattr(port, "listen", None)
         if listen is not None:  # until here anybody may have answered
-            listen(tuple(self._places))
+            listen(tuple(self._by_id))
         for axis, one in zip(self._axes, found, strict=True):
             axis.rescale(one.scale)
             self.identities[axis.spec.name] = one.identity
@@ -205,58 +211,64 @@ class MitDriver(DriverBase):
 
     # -- the cycle ----------------------------------------------------------------------------
 
-    def _hear(self, can_id: int, data: bytes, arrival_ns: int) -> bool:
-        """Take a frame; whether it was an answer that is missing in this cycle."""
-        at = self._places.get(can_id)
-        if at is None:
-            return False
-        axis = self._axes[at]
-        if self._on and arrival_ns - self._asked_ns < self._shortest_ns:
-            if damiao.feedback(data, axis.motor.id) is not None:
-                axis.late += 1
-                axis.miss(OUTDATED)
-            return False
-        if not axis.take(data, arrival_ns):
-            about = len(data) == 8 and damiao.is_parameter(data)
-            axis.miss(ABOUT_REGISTERS if about else OF_ANOTHER)
-            if self._enabling is not None and not self._on:
-                try:
-                    self._enabling.heard(at, data)
-                except DeviceFault as err:
-                    self._failure = err
-            return False
-        was_fresh, axis.fresh = axis.fresh, True
-        return not was_fresh
+    def _hear(self, frames: Sequence[Frame]) -> int:
+        """Take frames; return how many were answers that are missing in this cycle."""
+        find, earliest_ns, over = self._by_id.get, self._earliest_ns, self._over
+        found = 0
+        for can_id, data, arrival_ns in frames:
+            axis = find(can_id)
+            if axis is None:
+                assert self._exchange is not None
+                self._exchange.strange(can_id, data)
+            elif arrival_ns < earliest_ns:
+                if damiao.feedback(data, axis.motor.id) is not None:
+                    axis.late += 1
+                    axis.miss(OUTDATED)
+            elif axis.take(data, arrival_ns):
+                if axis.fresh:
+                    continue
+                if over:
+                    axis.late += 1
+                    axis.miss(OUTDATED)
+                else:
+                    axis.fresh = True
+                    found += 1
+            else:
+                self._hear_other(axis, data)
+        return found
+
+    def _hear_other(self, axis: Axis, data: bytes) -> None:
+        """Take what came on the id of a motor's feedback and is none."""
+        about = len(data) == 8 and damiao.is_parameter(data)
+        axis.miss(ABOUT_REGISTERS if about else OF_ANOTHER)
+        if self._enabling is not None and not self._on:
+            try:
+                self._enabling.heard(self._axes.index(axis), data)
+            except DeviceFault as err:
+                self._failure = err
 
     def request(self) -> None:
         """Send every motor its command, which is the request of its sample."""
         exchange = self._exchange
         if exchange is None:
             return
-        before = [axis.fresh for axis in self._axes]
+        self._over = True
         ready = exchange.begin()
-        for axis, was_fresh in zip(self._axes, before, strict=True):
-            if axis.fresh and not was_fresh:
-                axis.late += 1
-                axis.miss(OUTDATED)
-            elif axis.wrong and was_fresh:
+        self._over = False
+        for axis in self._axes:
+            if axis.fresh and axis.wrong:
                 axis.wrong.clear()
             axis.fresh = False
-        self._asked_ns = self._now()
         self._cycle += 1
-        if not ready:
+        if not self._on:  # it is asked by being switched off again
+            self._earliest_ns = 0
+            if ready:
+                exchange.ask([(number, damiao.DISABLE) for number in self._numbers])
             return
-        if self._on:
-            exchange.ask(
-                [
-                    (number, axis.command(effort))
-                    for number, axis, effort in zip(
-                        self._numbers, self._axes, self._efforts, strict=True
-                    )
-                ]
-            )
-        else:  # it is asked by being switched off again
-            exchange.ask([(number, damiao.DISABLE) for number in self._numbers])
+        self._earliest_ns = self._now() + self._shortest_ns
+        if ready:
+            efforts = self._efforts
+            exchange.ask([(number, command(efforts[at])) for at, number, command in self._commands])
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the measured states; not valid where no answer came by the deadline."""
@@ -267,7 +279,7 @@ class MitDriver(DriverBase):
         if self._on:
             self._judge(exchange)
         now = self._now()
-        return [axis.joint_state(now) for axis in self._axes]
+        return [sample(now) for sample in self._samples]
 
     def _judge(self, exchange: Exchange) -> None:
         """See whether each motor is still as it was set."""
@@ -280,12 +292,16 @@ class MitDriver(DriverBase):
             return
         for axis in self._damped:
             axis.book()
+        enabled = damiao.ENABLED
         for axis in self._axes:
-            text = axis.judge() if axis.fresh and not axis.fault else ""
+            if axis.state == enabled or not axis.fresh or axis.fault:
+                continue
+            text = axis.judge()
             if text:
                 axis.fault = text
                 self._faults.append(Fault(axis.spec.name, f"{axis.label}: {text}", fatal=True))
-        self._faults += [Fault("", text, fatal=False) for text in exchange.reports()]
+        if exchange.told:
+            self._faults += [Fault("", text, fatal=False) for text in exchange.reports()]
         if self._cycle % self._window == 0:
             for axis in self._axes:
                 if 2 * axis.late > self._window:
@@ -302,7 +318,7 @@ class MitDriver(DriverBase):
 
     def _take(self, commands: Sequence[AxisCommand]) -> None:
         """Stage one command per axis for the next request."""
-        self._efforts = [command.effort for command in commands]
+        self._efforts = [command[0] for command in commands]  # their efforts
 
     @property
     def misses(self) -> dict[str, str]:
@@ -324,9 +340,10 @@ class MitDriver(DriverBase):
         Of dampers, what they have taken as the motors report it, and at least by the model [J].
         """
         for axis in self._axes:
-            row[at] = axis.torque if axis.fresh else math.nan
-            row[at + 1] = axis.driver_temperature if axis.fresh else math.nan
-            row[at + 2] = axis.rotor_temperature if axis.fresh else math.nan
+            row[at] = row[at + 1] = row[at + 2] = math.nan
+            if axis.fresh:
+                row[at] = axis.torque
+                row[at + 1], row[at + 2] = axis.temperatures
             at += 3
         for axis in self._damped:
             assert axis.damper is not None

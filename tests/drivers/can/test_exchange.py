@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from tautwave.clock import FakeClock
 from tautwave.errors import DriverError
+from tautwave_drivers.can.batches import Frame
 from tautwave_drivers.can.exchange import Exchange
 from tautwave_drivers.can.framing import ERROR_FRAME
 from tautwave_drivers.can.full_queue import DEAD_CYCLES
@@ -57,11 +60,17 @@ class Bus:
 def made() -> tuple[Exchange, Bus, FakeClock, list[int]]:
     bus, clock, heard = Bus(), FakeClock(), []
 
-    def take(can_id: int, data: bytes, arrival_ns: int) -> bool:
-        heard.append(can_id)
-        return can_id < 0x100
+    def take(frames: Sequence[Frame]) -> int:
+        answers = 0
+        for can_id, data, _ in frames:
+            exchange.strange(can_id, data)
+            if not can_id & ERROR_FRAME:
+                heard.append(can_id)
+                answers += can_id < 0x100
+        return answers
 
-    return Exchange(bus, clock, take), bus, clock, heard
+    exchange = Exchange(bus, clock, take)
+    return exchange, bus, clock, heard
 
 
 def test_it_waits_for_the_answers_that_are_missing_and_no_longer() -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.errors import DriverError
+from tautwave_drivers.can.batches import receiving, sending
 from tautwave_drivers.can.errors import error_text
 from tautwave_drivers.can.framing import ERROR_FRAME, EXTENDED, Echo, Framing
 from tautwave_drivers.can.opening import open_port
@@ -40,6 +41,59 @@ def pair() -> Iterator[tuple[RawPort, socket.socket]]:
         port = RawPort(ours, FakeClock(5), "pair")
         yield port, theirs
         port.close()
+
+
+def test_frames_go_and_come_several_at_once(pair: tuple[RawPort, socket.socket]) -> None:
+    port, other = pair
+    assert port.send_all([(1, bytes(8)), (2, b"ab")]) == 2
+    assert [FRAME.unpack(other.recv(64))[:2] for _ in range(2)] == [(1, 8), (2, 2)]
+    for number in range(5):
+        other.send(FRAME.pack(number, 2, b"xy"))
+    other.send(b"no frame")
+    assert [frame[0] for frame in port.receive_some(3)] == [0, 1, 2]
+    assert [frame[0] for frame in port.receive_some(9)] == [3, 4]
+    assert port.receive_some(9) == []
+    with pytest.raises(ValueError, match="9 data bytes"):
+        port.send_all([(1, bytes(8)), (2, bytes(9))])
+
+
+def test_several_frames_stop_at_a_full_queue(pair: tuple[RawPort, socket.socket]) -> None:
+    port, _ = pair
+    frames = [(number & 0x7FF, bytes(8)) for number in range(20_000)]
+    sent = port.send_all(frames)
+    assert 0 < sent < len(frames)
+    assert port.send_all(frames) == 0
+
+
+def test_what_came_before_an_interface_went_is_given_first() -> None:
+    answers: list[Any] = [FRAME.pack(7, 1, b"z"), OSError(errno.ENETDOWN, "down")]
+
+    def recv(_: int) -> bytes:
+        found = answers[0] if len(answers) == 1 else answers.pop(0)
+        if isinstance(found, OSError):
+            raise found
+        return bytes(found)
+
+    broken: Any = SimpleNamespace(setblocking=lambda _: None, send=None, recv=recv)
+    port = RawPort(broken, FakeClock(), "can0")
+    assert [frame[0] for frame in port.receive_some(4)] == [7]
+    with pytest.raises(DriverError, match="can0"):
+        port.receive_some(4)
+
+
+@pytest.mark.parametrize("batches", [True, False])
+def test_a_port_without_such_calls_does_one_by_one(
+    batches: bool, pair: tuple[RawPort, socket.socket]
+) -> None:
+    whole, other = pair
+    port: Any = whole
+    if not batches:
+        port = SimpleNamespace(send=whole.send, receive=whole.receive)
+    assert sending(port)([(1, b"a"), (2, b"b")]) == 2
+    for number in (5, 6):
+        other.send(FRAME.pack(number, 0, b""))
+    take = receiving(port)
+    assert [frame[0] for _ in range(3) for frame in take(1)] == [5, 6]
 
 
 def test_a_frame_is_a_struct_can_frame(pair: tuple[RawPort, socket.socket]) -> None:

@@ -84,6 +84,8 @@ def test_what_is_found_becomes_a_bus_of_a_rig() -> None:
 
 
 def test_a_cycle_and_its_floor_are_measured() -> None:
-    (cost,) = measure(40)
-    assert len(cost.spent_us) == len(cost.floor_us) == 40
-    assert all(spent > 0.0 for spent in (*cost.spent_us, *cost.floor_us))
+    two_motors, two_arms = measure(40)
+    for cost in (two_motors, two_arms):
+        assert len(cost.spent_us) == len(cost.floor_us) == 40
+        assert all(spent > 0.0 for spent in (*cost.spent_us, *cost.floor_us))
+    assert two_arms.goal_ratio == 1.5
