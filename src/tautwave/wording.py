@@ -17,6 +17,24 @@ class PlanLine(NamedTuple):
     why_not: str = "not in the rig"
 
 
+class Hint(tuple[str, str]):
+    """Subject and sentence on what would be better, and the `key=value` that does it, if one does.
+
+    Attributes
+    ----------
+    change : str
+        For `--set`; "" where no single value does.
+    """
+
+    change: str
+
+    def __new__(cls, subject: str, sentence: str, change: str = "") -> Hint:
+        """Create one."""
+        made = super().__new__(cls, (subject, sentence))
+        made.change = change
+        return made
+
+
 def _no_lines(*_: Any) -> Sequence[PlanLine]:
     return ()
 

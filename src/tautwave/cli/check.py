@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import textwrap
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from tautwave.cli.options import (
     simulate_option,
     site_option,
 )
-from tautwave.cli.terminal.alike import folded_alike
+from tautwave.cli.terminal.checked import short_sections
 from tautwave.cli.terminal.show import (
     BAD,
     FAINT,
@@ -68,7 +67,7 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
     "--verbose",
     "-v",
     is_flag=True,
-    help="Also print the plan, the bus-time calculation and the full certificate.",
+    help="Print everything: facts, allowances, claims, bus time, the full certificate.",
 )
 @click.pass_context
 def check(
@@ -81,7 +80,10 @@ def check(
     simulate: bool | tuple[str, ...],
     verbose: bool,
 ) -> None:
-    """Check RIG: keys, elements used and unused, bus time, certificate. The verdict is last.
+    """Check RIG. One screen: what its axes may supply, verdicts, what to decide, what would help.
+
+    The last line says whether it may run. Facts, allowances, bus time and every sentence of the
+    certificate are behind --verbose, in --json and in the files of --out.
 
     \b
     Examples:
@@ -108,9 +110,9 @@ def check(
         sites = {side: half.as_dict() for side, half in halves.items()}
         echo_json(result.as_dict() | ({"sites": sites} if sites else {}))
     else:
-        sections = check_sections(loaded.name, result, verbose)
-        last = [Section("", ("by --site", ""), list(_halves(halves)))] if halves else []
-        show([*sections[:-1], *last, sections[-1]])
+        by_site = [Section("", ("by --site", ""), list(_halves(halves)))] if halves else []
+        typed = f"tautwave check {shlex.quote(str(rig))}"
+        show(check_sections(loaded.name, result, verbose, command=typed, more=by_site))
     ctx.exit(max((result.exit_code, *(half.exit_code for half in halves.values()))))
 
 
@@ -129,8 +131,18 @@ def _halves(halves: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
         yield side, Cell(f"{'may' if good else 'may not'} run: {why}", GOOD if good else BAD)
 
 
-def check_sections(name: str, result: Any, verbose: bool = False) -> list[Section]:
-    """Show a `session.CheckResult` on a screen; `verbose`: all of it. The verdict is last."""
+def check_sections(
+    name: str,
+    result: Any,
+    verbose: bool = False,
+    *,
+    command: str = "tautwave check RIG",
+    more: Sequence[Section] = (),
+) -> list[Section]:
+    """Show a `session.CheckResult` on a screen; `verbose`: all of it. The verdict is last.
+
+    `command` is what a user has typed, `more` what stands before the verdict.
+    """
     from tautwave.session.facts import ALLOWANCE_HEADS, AXIS_HEADS, PAIR_HEADS
 
     facts = [(label, str(value)) for label, value in result.facts]
@@ -138,53 +150,21 @@ def check_sections(name: str, result: Any, verbose: bool = False) -> list[Sectio
         return [
             Section(name, (), ()),
             Section("Facts", ("", ""), facts),
+            Section("Pairs", PAIR_HEADS, result.pairs),
+            Section("Axes", AXIS_HEADS, result.axes),
             Section("Plan", ("element", "", "because"), list(_plan(result.plan))),
             Section("Allowance", ALLOWANCE_HEADS, result.allowance),
             Section("Claims", CLAIM_HEADS, list(_claims(result.claims))),
             Section("Bus time", BUS_HEADS, list(_buses(result.budget, arithmetic=True))),
             *certificate_sections(result.certificate),
+            *more,
             _last(name, result, verbose),
         ]
-    # Pairs and axes have separate tables.
-    rows = {f"pair {row[0]}" for row in result.pairs} | {row[0] for row in result.axes}
-    brief = _folded(folded_alike([(label, value) for label, value in facts if label not in rows]))
-    return [
-        Section(name, ("", ""), brief),
-        Section("", PAIR_HEADS, result.pairs),
-        Section("", AXIS_HEADS, result.axes),
-        Section("", CLAIM_HEADS, list(_claims(result.claims))),
-        Section("", BUS_HEADS, list(_buses(result.budget, arithmetic=False))),
-        Section("", ("certificate", ""), list(_verdicts(result.certificate))),
-        _last(name, result, verbose),
-    ]
+    return short_sections(name, result, [*more, _last(name, result, verbose)], command)
 
 
-def _folded(facts: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Return facts wrapped to fit on a screen beside their labels."""
-    room = SCREEN - 4 - max(len(label) for label, _ in facts)
-    fold = partial(textwrap.fill, width=room, break_long_words=False, break_on_hyphens=False)
-    return [(label, fold(value)) for label, value in facts]
-
-
-SCREEN = 80
-"""Columns."""
 CLAIM_HEADS = ("port", ">prompt", ">gap", ">gives", ">let go", ">dead", ">kinetic", "claim")
 BUS_HEADS = ("bus", ">time needed", ">greatest rate", "")
-
-
-def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
-    """Yield a line for each verdict, without its conditions."""
-    verdicts = certificate.get("verdicts")
-    if not isinstance(verdicts, Mapping) or not verdicts:
-        yield "passive", verdict(certificate.get("passed"))
-        return
-    for name, found in verdicts.items():
-        required = " (required)" if name == certificate.get("require") else ""
-        says = verdict(found["passed"], found["state"])
-        if found["passed"] and found["conditions"]:
-            count = len(found["conditions"])
-            says = Cell(f"{says.text}: depends on {count} condition{'s'[: count > 1]}", says.style)
-        yield f"{str(name).replace('_', ' ')}{required}", says
 
 
 def _claims(claims: Sequence[Any]) -> Iterator[tuple[str | Cell, ...]]:
@@ -205,7 +185,11 @@ def _claims(claims: Sequence[Any]) -> Iterator[tuple[str | Cell, ...]]:
         if one is None:
             yield claim.axis, energy(claim.claim_j), "-", "-", "-", "-", kinetic, "-"
             continue
-        says = {"passed": Cell("passed", GOOD), "refused": Cell("refused", BAD)}
+        says = {
+            "passed": Cell("passed", GOOD),
+            "conditional": Cell("depends", NOTE),
+            "refused": Cell("refused", BAD),
+        }
         yield (
             claim.axis,
             energy(one.prompt_j),
@@ -214,14 +198,13 @@ def _claims(claims: Sequence[Any]) -> Iterator[tuple[str | Cell, ...]]:
             energy(one.let_go_j),
             energy(one.dead_j),
             kinetic,
-            says.get(claim.judged, Cell("depends", NOTE)) if claim.kinetic_j else "-",
+            says.get(claim.judged, "-") if claim.kinetic_j else "-",
         )
 
 
 def _last(name: str, result: Any, verbose: bool) -> Section:
     """Return a line for each failure, and whether the rig may run."""
-    out = sum(1 for _, state, _ in result.plan if state == "left out")
-    more = f"{out} elements are not used; --verbose lists them, with the full certificate."
+    more = "--verbose shows all: facts, allowances, claims, bus time, every sentence."
     rows: list[tuple[str | Cell, ...]] = [] if verbose else [(Cell(more, FAINT),)]
     rows += [(Cell(why, BAD),) for why in result.failures]
     if result.exit_code == 0:

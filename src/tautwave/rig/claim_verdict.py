@@ -18,6 +18,7 @@ from tautwave.registry import load_named
 from tautwave.rig.allowance.filling import axis_allowance
 from tautwave.rig.parts import coupling_part
 from tautwave.types import CommandDelay
+from tautwave.wording import Hint
 
 PROMPT_PASSES, PROMPT_REFUSED = 2.0, 10.0
 """Times K that a prompt host may supply without a condition, and at all."""
@@ -194,7 +195,7 @@ def terms_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     return found
 
 
-def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
     """Yield hints on axes whose stall gives more than their devices have at the velocity limit."""
     causes: dict[str, dict[str, Claim]] = {}
     for axis_name in rig.axes:
@@ -210,7 +211,7 @@ def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
         now = max(claim.let_go / claim.kinetic for claim in claims.values())
         much = f"{who}a stall gives {short(now)} times the kinetic energy at the velocity limit"
         if change not in limits:
-            yield "hint on claims", f"{much}; {change}"
+            yield Hint("hint on claims", f"{much}; {change}")
             continue
         key, limit = limits[change]
         for value in range(limit - 1, LEAST - 1, -1):
@@ -220,28 +221,30 @@ def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
         text = f"{much}, most of it from loop.{key} {limit}; with {value} it is {short(left)} times"
         if left > 1.0:
             text = f"{text}, and with stall_energy_j: auto at most 1, at the cost of effort"
-        yield "hint on claims", text
+        yield Hint("hint on claims", text, f"loop.{key}={value}")
 
 
-def bound_hints(rig: Rig, delays: Delays) -> Iterator[tuple[str, str]]:
+def bound_hints(rig: Rig, delays: Delays) -> Iterator[Hint]:
     """Yield what `stall_energy_j` leaves of an axis' effort at rest, where that is not all."""
     for axis_name in rig.axes:
         claim = terms_of(rig, axis_name, delays)
         limit = axis_allowance(rig, axis_name, delays[axis_name]).effort
         if not isinstance(claim, Claim) or math.isinf(claim.bounded) or claim.effort >= limit:
             continue
-        found = ""
+        found = change = ""
         for value in range(rig.overrun_limit - 1, LEAST - 1, -1):
             loop = rig.loop.model_copy(update={"overrun_limit": value})
             less = terms_of(rig.model_copy(update={"loop": loop}), axis_name, delays)
             if isinstance(less, Claim) and less.effort >= limit:
                 found = f"; with loop.overrun_limit {value} all of it"
+                change = f"loop.overrun_limit={value}"
                 break
         unit = "N m" if rig.axes[axis_name].kind == "rotary" else "N"
-        yield (
+        yield Hint(
             f"hint on {axis_name}",
             f"stall_energy_j leaves {claim.effort:.3g} {unit} of its effort at rest, "
             f"{claim.effort / limit:.0%} of effort_limit, and less while it moves{found}",
+            change,
         )
 
 

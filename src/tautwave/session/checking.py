@@ -26,6 +26,7 @@ from tautwave.session.hooks import session_hooks
 from tautwave.session.network import network_facts
 from tautwave.session.plan import PlanItem, left_out, rig_plan
 from tautwave.session.scales import scales_of
+from tautwave.wording import Hint
 
 
 class CheckResult(NamedTuple):
@@ -33,7 +34,8 @@ class CheckResult(NamedTuple):
 
     `pairs` and `axes` are rows of `tautwave.session.facts.PAIR_HEADS` and `AXIS_HEADS`, the short
     form of those facts; `claims` are those of its ports; `allowance` rows of
-    `ALLOWANCE_HEADS`; `failures` holds a sentence for each reason why the rig may not run.
+    `ALLOWANCE_HEADS`; `failures` holds a sentence for each reason why the rig may not run;
+    `improvement` is what would make it better most, if anything is known.
     """
 
     rig: str
@@ -48,6 +50,7 @@ class CheckResult(NamedTuple):
     claims: list[PortClaim]
     allowance: list[tuple[str, ...]]
     failures: list[str]
+    improvement: Hint | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data for JSON."""
@@ -72,6 +75,12 @@ class CheckResult(NamedTuple):
                 for name, cost in self.budget.items()
             },
             "failures": self.failures,
+            "improvement": None
+            if self.improvement is None
+            else {
+                **dict(zip(("on", "text"), self.improvement, strict=True)),
+                "set": self.improvement.change,
+            },
             "exit_code": self.exit_code,
         }
 
@@ -196,7 +205,17 @@ def check(rig: Rig, *, simulate: Simulate = (), brief: bool = False) -> CheckRes
         _greatest(claims),
         allowance_rows(rig, delays),
         [*too_slow, *failures],
+        _improvement(facts),
     )
+
+
+def _improvement(facts: Sequence[tuple[str, str]]) -> Hint | None:
+    """Return the hint that matters most: on claims, then with a value to set, then any."""
+
+    def rank(hint: Hint) -> tuple[bool, bool]:
+        return hint[0] != "hint on claims", not hint.change
+
+    return min((fact for fact in facts if isinstance(fact, Hint)), key=rank, default=None)
 
 
 def _foreseen(rig: Rig) -> Iterator[tuple[str, str]]:

@@ -16,7 +16,7 @@ from tautwave.couplings.wave.standing import standing
 from tautwave.laws.ramp import ramp_bound, ramp_params
 from tautwave.laws.servo.admittance import greatest_stiffness
 from tautwave.types import CommandDelay
-from tautwave.wording import CouplingMessages, PlanLine
+from tautwave.wording import CouplingMessages, Hint, PlanLine
 
 MAX_STEP = 0.1
 """Of the effort limit: a held force chatters by about as much as one step changes the effort."""
@@ -98,7 +98,7 @@ def _facts(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, 
     yield from ramp_hints(rig, delays)
 
 
-def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
     """Yield a hint for each axis whose step is felt, or whose noise costs much of its claim."""
     for axis_name, axis in rig.axes.items():
         side, name = axis_name.split(".")
@@ -114,15 +114,16 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
         share = step / has.shared_effort
         if share > MAX_STEP:
             softer = port_impedance(keys, "master") * MAX_STEP / share
-            yield (
+            yield Hint(
                 f"hint on {axis_name}",
                 f"one encoder step changes the effort by {share:.0%} of effort_limit, and a held "
                 f"force chatters by about that much; wave_impedance up to {softer:.2g} keeps it "
                 f"below {MAX_STEP:.0%}",
+                f"coupling.pairs.{name}.wave_impedance={softer:.2g}",
             )
         share = has.quantum / has.shared_effort
         if share > MAX_STEP:
-            yield (
+            yield Hint(
                 f"hint on {axis_name}",
                 f"one step of its drive is {share:.0%} of effort_limit, so its effort constantly "
                 "jumps by that much; use a drive or mode with finer steps",
@@ -136,7 +137,7 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
             loud = axis.position_noise > 0.5 * axis.encoder_quantum
             if loud and axis.position_noise_autocorrelation is None:
                 colour = ", or declare the noise's colour, which identify --noise measures"
-            yield (
+            yield Hint(
                 f"hint on {axis_name}",
                 f"encoder step and noise drain {watts(noise)} from the port, "
                 f"{noise / (claim.effort * claim.velocity):.1%} of what the motor can supply, and "
@@ -144,7 +145,7 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[
             )
 
 
-def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
     """Yield a hint on the axis whose slow effort leaves it least of its limit at rest."""
     found = []
     for axis_name, axis in rig.axes.items():
@@ -166,12 +167,13 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[s
     if others:
         which = "one more axis holds" if others == 1 else f"{others} more axes hold"
         more = f"; {which} less than the limit as well"
-    yield (
+    yield Hint(
         f"hint on {axis_name}",
         f"its effort takes {short(1e3 * fall)} ms to fall from effort_limit to zero, and its port "
         "holds no more than its tank can pay for in that time: at rest a full tank holds about "
         f"{held:.2g} {unit}, {share:.0%} of effort_limit; with effort_rate_limit "
         f"{ceiled(enough)} it holds all of it{more}",
+        f"{axis_name.replace('.', '.axes.')}.effort_rate_limit={ceiled(enough)}",
     )
 
 

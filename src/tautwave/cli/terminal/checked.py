@@ -1,0 +1,269 @@
+"""The result of a check on one screen: the verdict, what to decide, what would help most."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from tautwave.cli.terminal.screen import (
+    COLUMNS,
+    LINES,
+    axes_named,
+    folded,
+    folded_rows,
+    line_count,
+    spanned,
+)
+from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, verdict
+
+AXIS_HEADS = ("axis", ">takes", ">velocity", ">prompt", ">stall", ">dead host", "claim")
+"""Of an axis: what it may supply while its host is prompt, in one stall, and by a dead host."""
+
+Fact = tuple[str, str]
+
+
+class Room(NamedTuple):
+    """How much is said: rows of axes, kinds of things to decide and lines of each."""
+
+    rows: int
+    kinds: int
+    lines: int
+
+
+ROOMS = (Room(8, 3, 2), Room(6, 2, 2), Room(4, 2, 1), Room(2, 1, 1))
+"""The first that fits on a screen is taken, else the last."""
+
+
+def short_sections(name: str, result: Any, last: Sequence[Section], command: str) -> list[Section]:
+    """Return what a screen has room for of a `session.CheckResult`.
+
+    Parameters
+    ----------
+    name : str
+        Of the rig.
+    result : CheckResult
+        The result.
+    last : sequence of Section
+        What stands at the end in any case, the verdict last.
+    command : str
+        `tautwave check RIG`, to which what would help is appended.
+    """
+    for room in ROOMS:
+        found = [
+            Section(name, ("", ""), folded_rows(list(_facts(result)))),
+            Section("", AXIS_HEADS, list(_axes(result, room.rows))),
+            Section("", ("", ""), list(_verdicts(result.certificate))),
+            Section("", ("", ""), list(_advice(result, room, command))),
+            *last,
+        ]
+        if line_count(found) <= LINES:
+            break
+    return [_without_empty(section) for section in found]
+
+
+def _without_empty(section: Section) -> Section:
+    """Return a table without columns of dashes."""
+    if section.columns != AXIS_HEADS:
+        return section
+    kept = [
+        at for at in range(len(AXIS_HEADS)) if at < 2 or any(row[at] != "-" for row in section.rows)
+    ]
+    rows = [[row[at] for at in kept] for row in section.rows]
+    return Section(section.title, [AXIS_HEADS[at] for at in kept], rows)
+
+
+def _facts(result: Any) -> Iterator[Fact]:
+    """Yield rate, coupling, buses and pairs, alike ones once."""
+    facts = dict(result.facts)
+    for label in ("rate", "coupling", "scales", "scene limit"):
+        if label in facts:
+            yield label, facts[label]
+    if "claims" in facts:  # of an operated rig
+        yield "claims", facts["claims"].partition(";")[0]
+    ways: dict[str, list[str]] = {}
+    for bus, way in result.ways.items():
+        share = _share(result.budget.get(bus))
+        ways.setdefault(f"{way.describe()}{share}", []).append(bus)
+    for text, buses in list(ways.items())[:MAX_BUSES]:
+        yield f"bus {spanned(buses)}", text
+    if len(ways) > MAX_BUSES:
+        more = [bus for buses in list(ways.values())[MAX_BUSES:] for bus in buses]
+        yield f"bus {spanned(more)}", "see --verbose"
+    yield from _pairs(result.pairs)
+
+
+MAX_BUSES = 3
+"""Kinds of buses that are shown."""
+
+
+def _share(cost: Any) -> str:
+    """Return how fast a bus could be, if that is known."""
+    from tautwave.report.units import quantity
+
+    if cost is None or not cost.time_s > 0.0:
+        return ""
+    rate = quantity(cost.greatest_rate_hz, "Hz", 3)
+    return f"; {quantity(cost.time_s, 's', 3)} a cycle, up to {rate}"
+
+
+def _pairs(rows: Sequence[tuple[str, ...]]) -> Iterator[Fact]:
+    """Yield delay and standing offset of the pairs: alike ones once, or those of one unit."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, *numbers in rows:
+        groups.setdefault(tuple(numbers), []).append(name)
+    if len(groups) > 2:
+        by_unit: dict[str, list[tuple[str, ...]]] = {}
+        for row in rows:
+            by_unit.setdefault(row[2].rpartition(" ")[2], []).append(row)
+        groups = {
+            tuple(_range(column) for column in list(zip(*found, strict=True))[1:]): [
+                row[0] for row in found
+            ]
+            for found in by_unit.values()
+        }
+    for (delay, offset, share), names in groups.items():
+        text = f"{delay} one way; held still, {offset} apart"
+        yield f"pair {spanned(names)}", text if share == "100.0%" else f"{text}, {share} passed on"
+
+
+def _range(texts: Sequence[str]) -> str:
+    """Return texts that differ in their first number as one, from the least to the greatest."""
+    least, most = min(texts, key=_leading), max(texts, key=_leading)
+    if _leading(least) == _leading(most):
+        return least
+    return f"{least.partition(' ')[0]} to {most}"
+
+
+def _leading(text: str) -> float:
+    """Return the number with which a text begins; a word counts as none."""
+    found = re.match(r"-?[\d.]+(e[+-]?\d+)?", text)
+    return float(found[0]) if found else -math.inf
+
+
+class _Axis(NamedTuple):
+    """A row of the table of axes; energies [J], inf without a bound, None where there is none."""
+
+    takes: str
+    limit: str
+    prompt: float | None
+    stall: float | None
+    dead: float | None
+    judged: str
+
+
+def _axes(result: Any, most: int) -> Iterator[Sequence[str | Cell]]:
+    """Yield a row for axes that are alike; if these are too many, for those that take the same."""
+    claims = {claim.axis: claim for claim in result.claims}
+    alike: dict[_Axis, list[str]] = {}
+    for name, _, takes, up_to, _, limit in result.axes:
+        one = claims.get(name)
+        stated = None if one is None else one.stated
+        energies: list[float | None] = [getattr(stated, key, None) for key in ENERGIES]
+        if takes != "effort":
+            up_to = takes
+        judged = one.judged if one is not None and one.kinetic_j else ""
+        axis = _Axis(up_to, limit, energies[0], energies[1], energies[2], judged)
+        alike.setdefault(axis, []).append(name)
+    groups = [([axis], names) for axis, names in alike.items()]
+    if len(groups) > most:
+        by_side: dict[tuple[str, str], tuple[list[_Axis], list[str]]] = {}
+        for axis, names in alike.items():
+            for name in names:
+                key = (name.partition(".")[0], axis.takes.partition(" ")[2])
+                found = by_side.setdefault(key, ([], []))
+                found[0].append(axis)
+                found[1].append(name)
+        groups = list(by_side.values())
+    for axes, names in groups:
+        yield (
+            axes_named(names),
+            _range([axis.takes for axis in axes]),
+            _range([axis.limit for axis in axes]),
+            _energy([axis.prompt for axis in axes]),
+            _energy([axis.stall for axis in axes]),
+            _energy([axis.dead for axis in axes]),
+            _judged([axis.judged for axis in axes]),
+        )
+
+
+ENERGIES = ("prompt_j", "let_go_j", "dead_j")
+"""Of `Stated`: to a prompt host, what a device let go gains in a stall, by a dead host."""
+
+
+def _energy(values: Sequence[float | None]) -> str:
+    """Return the greatest of energies, and that it is the greatest."""
+    from tautwave.report.units import quantity
+
+    known = [value for value in values if value is not None]
+    if not known:
+        return "-"
+    if math.inf in known:
+        return "no bound"
+    least = "<= " if len(set(known)) > 1 else ""
+    return f"{least}{quantity(max(known), 'J', 3)}"
+
+
+def _judged(states: Sequence[str]) -> str | Cell:
+    """Return the worst of verdicts on claims."""
+    if "refused" in states:
+        return Cell("refused", BAD)
+    if "conditional" in states:
+        return Cell("depends", NOTE)
+    return Cell("passed", GOOD) if "passed" in states else "-"
+
+
+def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]]:
+    """Yield a line for each verdict."""
+    verdicts = certificate.get("verdicts")
+    if not isinstance(verdicts, Mapping) or not verdicts:
+        yield "passive", verdict(certificate.get("passed"))
+        return
+    for name, found in verdicts.items():
+        required = " (required)" if name == certificate.get("require") else ""
+        says = verdict(found["passed"], found["state"])
+        if found["passed"] and found["conditions"]:
+            count = len(found["conditions"])
+            says = Cell(f"{says.text}: depends on {count} condition{'s'[: count > 1]}", says.style)
+        yield f"{str(name).replace('_', ' ')}{required}", says
+
+
+def _advice(result: Any, room: Room, command: str) -> Iterator[tuple[str | Cell, ...]]:
+    """Yield what a person has to decide or see to, and what would make the rig better most."""
+    decide = list(_open(result))
+    for text in decide[: room.kinds]:
+        yield "decide", Cell(folded("decide", text, ADVICE, room.lines), NOTE)
+    if len(decide) > room.kinds:
+        yield "", Cell(f"and {len(decide) - room.kinds} more: --verbose", FAINT)
+    best = result.improvement
+    if best is None:
+        return
+    on, text = best
+    if on != "hint on claims":
+        text = f"{on.removeprefix('hint on ')}: {text}"
+    yield "improve", folded("improve", text, ADVICE, room.lines)
+    if best.change:
+        typed = f"{command} --set {best.change}"
+        fits = len(typed) <= COLUMNS - ADVICE - 4
+        yield "", typed if fits else f"tautwave check RIG --set {best.change}"
+
+
+ADVICE = len("improve")
+_SPECIFIC = re.compile(
+    r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?|\b(?:master|slave)\.[\w-]+|\bbus [\w-]+"
+)
+"""Numbers, axes and buses, in which texts of one kind differ."""
+
+
+def _open(result: Any) -> Iterator[str]:
+    """Yield what devices' files foresee and conditions of the required verdict, of a kind once."""
+    notes = [text for label, text in result.facts if re.fullmatch(r"bus .*, note \d+", label)]
+    certificate = result.certificate
+    required = (certificate.get("verdicts") or {}).get(certificate.get("require"))
+    conditions = required["conditions"] if required and required["passed"] else []
+    kinds: dict[str, list[str]] = {}
+    for text in [*notes, *conditions]:
+        kinds.setdefault(_SPECIFIC.sub("#", text), []).append(text)
+    for same in kinds.values():
+        yield same[0] if len(same) == 1 else f"{same[0]} ({len(same)} alike)"
