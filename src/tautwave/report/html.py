@@ -98,10 +98,10 @@ img.turned {{ filter: invert(0.92) hue-rotate(180deg); border-color: #d8dee4; }}
 """
 
 _MARKS = {
-    "ok": "fine",
-    "note": "look here",
-    "bad": "not fine",
-    "open": "not known",
+    "ok": "OK",
+    "note": "warning",
+    "bad": "failed",
+    "open": "not evaluated",
     "info": "measured",
 }
 

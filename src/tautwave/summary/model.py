@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
 from tautwave.formats import SUMMARY
 
 Severity = Literal["ok", "note", "bad", "open", "info"]
-"""Fine, worth a look, not fine, not known, and a measurement without a judgement."""
+"""OK, a warning, failed, not evaluated, and a measurement without a judgement."""
 
 
 def _finite(value: Any) -> Any:
