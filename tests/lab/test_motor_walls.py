@@ -15,7 +15,7 @@ from tests.lab.motor_walls import both, by_host, certified, in_motor, swing
         (400.0, by_host(0.2), 60.0, 100.0),
         (400.0, by_host(0.2, -0.1), 60.0, 100.0),
         (400.0, in_motor(0.0), 45.0, 120.0),
-        (1000.0, by_host(0.2), 150.0, 205.0),
+        (1000.0, by_host(0.0), 10.0, 20.0),
     ],
 )
 def test_a_wall_holds_below_and_swings_above(
