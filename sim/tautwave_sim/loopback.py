@@ -178,5 +178,9 @@ plugin = DriverPlugin(
     positions=True,
 )
 simulator = SimulatorPlugin(
-    options=LoopbackOptions, make=_simulate, summary="the devices behind the loopback driver"
+    options=LoopbackOptions,
+    make=_simulate,
+    summary="the devices behind the loopback driver",
+    arms=True,
+    loops=True,
 )

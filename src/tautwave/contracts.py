@@ -329,7 +329,9 @@ class SimulatorPlugin(NamedTuple):
     word for people and scripts) and `options`, the bus options that lead a driver there.
     `instead(options)` returns the bus options that replace a real endpoint when its devices are
     simulated on the real clock. `bench_options` is the pydantic model that `tautwave sim DRIVER`
-    makes its command-line options of, `bench(bench_options)` the devices to serve.
+    makes its command-line options of, `bench(bench_options)` the devices to serve. `arms`: its axes
+    may be joints of an arm, which it moves together. `loops`: its followers move by the position
+    loop of their `AxisModel`.
     """
 
     options: type[Any]
@@ -346,6 +348,8 @@ class SimulatorPlugin(NamedTuple):
     bench_options: type[Any] | None = None
     bench: Callable[[Any], Bench] | None = None
     instead: Callable[[Any], Mapping[str, Any]] = _as_they_are
+    arms: bool = False
+    loops: bool = False
 
 
 class CouplingPlugin(NamedTuple):

@@ -111,6 +111,8 @@ def test_check_of_two_axes_is_light() -> None:
         ("bench-dynamixel-sim", ("passed", "passed")),
         ("bench-feetech-sim", ("passed", "passed")),
         ("bench-mixed-sim", ("passed", "passed")),
+        ("so101-hls-sim", ("passed", "passed")),
+        ("so101-pair-sim", ("conditional", "passed")),
         ("bench-modbus-rtu-sim", ("passed", "passed")),
         ("bench-modbus-tcp-sim", ("passed", "passed")),
         ("three-bus-sim", ("passed", "passed")),

@@ -44,8 +44,8 @@ class Session:
     standing = "engaged"
     gone = False
 
-    def __init__(self, rig: Any, *, out: Path) -> None:
-        self.directory, self.rig = out, rig
+    def __init__(self, rig: Any, *, out: Path, options: list[str]) -> None:
+        self.directory, self.rig, self.options = out, rig, options
         self.calls: list[str] = []
         self._number = itertools.count()
         self.newest: dict[str, float] = {}
@@ -167,6 +167,19 @@ def test_either_alone_engages_the_run_unless_a_person_shall(plugin: ModuleType) 
             one.connect()
             assert Session.begun[-1].calls == calls, (kind, wish)
             one.disconnect()
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_devices_without_a_watchdog_run_only_where_that_is_allowed(
+    plugin: ModuleType, allowed: bool
+) -> None:
+    rig = str(RIG.parent / "bench-feetech-sim.yaml")
+    for kind in ("Slave", "Master"):
+        config = getattr(plugin, f"Tautwave{kind}Config")(rig=rig, allow_unwatched=allowed)
+        one = getattr(plugin, f"Tautwave{kind}")(config)
+        one.connect()
+        assert Session.begun[-1].options == ["--allow-unwatched"] * allowed
+        one.disconnect()
 
 
 def test_settings_are_given_by_name(plugin: ModuleType) -> None:

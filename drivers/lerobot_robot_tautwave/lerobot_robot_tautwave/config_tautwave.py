@@ -25,6 +25,8 @@ class TautwaveSlaveConfig(RobotConfig):
         `hand`: a person leads the rig's master. `policy`: actions do, through a virtual hand.
     fps : float
         Actions a second, with `drive=policy`.
+    allow_unwatched : bool
+        Whether devices without a watchdog may run, such as Feetech servos.
     """
 
     rig: str
@@ -32,6 +34,7 @@ class TautwaveSlaveConfig(RobotConfig):
     engage: bool = True
     drive: str = "hand"
     fps: float = 30.0
+    allow_unwatched: bool = False
 
 
 @TeleoperatorConfig.register_subclass("tautwave_master")
@@ -42,3 +45,4 @@ class TautwaveMasterConfig(TeleoperatorConfig):
     rig: str
     out: str = "runs/lerobot"
     engage: bool = True
+    allow_unwatched: bool = False

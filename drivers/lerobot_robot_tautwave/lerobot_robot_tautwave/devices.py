@@ -31,7 +31,8 @@ class _InRun:
     def connect(self, calibrate: bool = True) -> None:
         """Begin the run, unless the other has."""
         del calibrate
-        self._site.join(self.name, self.config.out, self.config.engage)
+        config = self.config
+        self._site.join(self.name, config.out, config.engage, config.allow_unwatched)
 
     def calibrate(self) -> None:
         """Nothing: see `tautwave check`."""

@@ -82,11 +82,12 @@ class Site:
         """Return whether a device has joined."""
         return who in self._users
 
-    def join(self, who: str, out: str, engage: bool) -> None:
+    def join(self, who: str, out: str, engage: bool, unwatched: bool) -> None:
         """Begin the run, or look at the one that has begun."""
         if self._session is None:
             folder = Path(out) / time.strftime("%Y%m%d-%H%M%S")
-            session = Session(self.rig, out=folder)
+            options = ["--allow-unwatched"] if unwatched else []
+            session = Session(self.rig, out=folder, options=options)
             session.__enter__()
             self._session, self._row = session, {}
             if engage:

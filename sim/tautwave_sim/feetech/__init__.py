@@ -27,4 +27,6 @@ simulator = SimulatorPlugin(
     bench_options=FeetechBench,
     bench=bench,
     instead=lambda options: {"port": "sim"},
+    arms=True,
+    loops=True,
 )

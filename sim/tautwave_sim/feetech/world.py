@@ -13,7 +13,7 @@ from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock
 from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
-from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.axis import SimulatedAxis, join_arms
 from tautwave_sim.bench import free_axis, require_distinct
 from tautwave_sim.feetech import tables as t
 from tautwave_sim.feetech.bus import ServoBus
@@ -64,6 +64,7 @@ class ServoWorld:
             SimulatedAxis(spec.name, one, one.loop if spec.takes_position else None)
             for spec, one in zip(bus.axes, truths, strict=True)
         ]
+        self.arms = join_arms(self.axes, truths)
         simulator = options.simulator
         latency_ns = round((options.usb_latency_s or 0.0) * 1e9)
         self.line = SerialLine(options.baud, latency_ns, echoes=simulator.echo)

@@ -67,7 +67,8 @@ class Stepper:
             raise ConfigError(
                 f"{rig.name}: a stepped rig needs a simulation block, which may be empty"
             )
-        built = build_rig(rig, clock=clock, duration_s=duration_s)
+        # Simulated devices end with this process, watched or not.
+        built = build_rig(rig, clock=clock, duration_s=duration_s, allow_unwatched=True)
         self.period_s = rig.period_s
         self._simulators = built.simulators
         axes = {axis.name: axis for world in built.simulators for axis in _axes(world)}

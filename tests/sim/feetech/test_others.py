@@ -1,24 +1,30 @@
 """Software of others drives the simulated Feetech servos on a pseudo-terminal.
 
-rustypot (Pollen Robotics), and with the extra `peers` vassar-feetech-servo-sdk, which brings the
-maker's own SDK. It runs in real time: nothing here asserts how fast.
+rustypot (Pollen Robotics), with the extra `peers` vassar-feetech-servo-sdk, which brings the
+maker's own SDK, and LeRobot's Feetech bus where it is installed. It runs in real time: nothing here
+asserts how fast.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
 import rustypot
 
+from tests.sim.feetech.lerobot_bus import GOALS
+
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
+ROOT = Path(__file__).parents[3]
 COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main()", "sim", "feetech"]
 
 
@@ -88,6 +94,21 @@ def test_the_makers_sdk_and_vassars_client_drive_a_torque() -> None:
             client.write_torque({1: 0.0, 2: 0.0})
         finally:
             client.disconnect()
+
+
+def test_lerobots_bus_shakes_hands_configures_and_moves_them() -> None:
+    for module in ("lerobot", "scservo_sdk"):
+        if importlib.util.find_spec(module) is None:
+            pytest.skip("pip install --no-deps lerobot==0.4.4 feetech-servo-sdk")
+    with served("--model", "STS3215", "--ids", "1,2,3") as device:
+        words = [sys.executable, "-m", "tests.sim.feetech.lerobot_bus", device]
+        ended = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120)
+        assert ended.returncode == 0, ended.stderr
+        said = json.loads(ended.stdout.splitlines()[-1])
+    assert said["found"] == {"1": 777, "2": 777, "3": 777}
+    assert said["begun"] == {"m1": 2048, "m2": 2048, "m3": 2048}
+    assert all(abs(said["reached"][name] - goal) < 30 for name, goal in GOALS.items())
+    assert set(said["torque"].values()) == {0}
 
 
 def test_the_makers_sdk_reads_firmware_and_sync_reads() -> None:

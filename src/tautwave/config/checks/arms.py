@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tautwave import registry
 from tautwave.config.inputs.chains import chain_links, weighs
 from tautwave.config.keys.arm import Arm, Chain
 from tautwave.config.keys.devices import Axis
@@ -114,10 +115,10 @@ def _check_simulated(document: Document, parts: Parts, side: str) -> None:
         return
     axes = [axis for axis in (parts.sides.get(side) or {}).values() if axis is not None]
     drivers = {document.get(("buses", axis.bus, "driver")) for axis in axes}
-    if len({axis.bus for axis in axes}) > 1 or not drivers <= {"loopback"}:
+    if len({axis.bus for axis in axes}) > 1 or not all(map(_moves_arms, drivers)):
         document.report(
-            path, "a simulated arm needs all of its axes on one loopback bus; remove the "
-            "simulation block to run hardware"
+            path, "a simulated arm needs all of its axes on one bus, of loopback or feetech; "
+            "remove the simulation block to run hardware"
         )  # fmt: skip
     if document.get(("simulation", "integrator")) is not None:
         document.report(("simulation", "integrator"), "an arm has its own; remove it")
@@ -127,6 +128,14 @@ def _check_simulated(document: Document, parts: Parts, side: str) -> None:
                 ("simulation", "environment", name),
                 "the joints of an arm support free, spring or wall environments only",
             )
+
+
+def _moves_arms(driver: str) -> bool:
+    """Return whether the simulated devices of a driver may be joints of an arm."""
+    try:
+        return registry.load_simulator(driver).arms
+    except ConfigError:
+        return False  # said where the bus is checked
 
 
 def divided(parts: Parts, axis: Axis) -> bool:

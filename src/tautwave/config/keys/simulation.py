@@ -67,8 +67,8 @@ class AxisSimulation(Block):
     )
     servo_stiffness: Positive | None = Field(
         default=None,
-        description="[N m/rad | N/m] Position loop of a follower on a loopback bus; default: its "
-        "`follower.stiffness`.",
+        description="[N m/rad | N/m] Position loop of a follower on a loopback or feetech bus; "
+        "default: its `follower.stiffness`.",
     )
     servo_damping: NonNegative | None = Field(
         default=None,

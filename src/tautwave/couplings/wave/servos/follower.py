@@ -9,6 +9,7 @@ import math
 
 from tautwave.certificate.data import Verdict
 from tautwave.config import Rig, simulation_of
+from tautwave.registry import load_simulator
 from tautwave.types import CommandDelay
 
 
@@ -48,7 +49,9 @@ def follower_verdict(
 def _contradicted(rig: Rig, axis_name: str) -> str | None:
     """Return a sentence if a simulated position loop is not as the rig believes."""
     axis = rig.axes[axis_name]
-    if rig.simulation is None or axis.follower is None or rig.buses[axis.bus].driver != "loopback":
+    if rig.simulation is None or axis.follower is None:
+        return None
+    if not load_simulator(rig.buses[axis.bus].driver).loops:
         return None
     truth = simulation_of(rig, axis_name)
     damping = truth.damping + truth.servo_damping
