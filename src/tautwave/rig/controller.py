@@ -76,9 +76,14 @@ def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
 
 def end_constants(rig: Rig, axis_name: str, delay: CommandDelay) -> Any:
     """Return what the coupling makes of its keys for one axis, in the device's own units."""
+    return end_of(rig, axis_name, coupled_axis(rig, axis_name, delay))
+
+
+def end_of(rig: Rig, axis_name: str, known: CoupledAxis) -> Any:
+    """Return what the coupling makes of its keys for an axis of which it gets to know this."""
     side, name = axis_name.split(".")
     make = registry.load_named(coupling_part(rig).end_constants)
-    return make(rig.coupling.pairs[name], side, coupled_axis(rig, axis_name, delay))
+    return make(rig.coupling.pairs[name], side, known)
 
 
 def check_ends(rig: Rig, delays: Mapping[str, CommandDelay]) -> None:
@@ -243,7 +248,8 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
     side, name = axis_name.split(".")
     scale = pair_scale(rig.coupling.pairs[name])
     keys = rig.axes[axis_name].compensation
-    end = end_constants(rig, axis_name, delay)
+    known = coupled_axis(rig, axis_name, delay)
+    end = end_of(rig, axis_name, known)
     allowance = axis_allowance(rig, axis_name, delay)
     stall = stall_of(rig, axis_name, delay)
     return controlled_axis(
@@ -253,7 +259,7 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
         site_params(rig, axis_name, delay)._replace(
             inertia=inertia_params(
                 rig.axes[axis_name],
-                coupled_axis(rig, axis_name, delay),
+                known,
                 allowance.lift_effort,
                 allowance.paying_coulomb,
             ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
@@ -223,7 +224,13 @@ class Rig(Block):
         used = {axis.bus for axis in self.own_axes.values()}
         return {name: bus for name, bus in self.buses.items() if name in used}
 
-    @property
+    def __copy__(self) -> Self:
+        """Return a copy; of one with other sides (`model_copy`) the axes are put together anew."""
+        made = super().__copy__()
+        made.__dict__.pop("axes", None)
+        return made
+
+    @cached_property
     def axes(self) -> dict[str, Axis]:
         """All axes by full name, the master's first."""
         return {

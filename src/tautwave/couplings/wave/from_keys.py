@@ -200,7 +200,7 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         astray=port.root * axis.velocity_limit * axis.period,
         patience=round(PATIENCE_S / axis.period),
         coarse=math.inf if axis.inertia is None else coarsest_step(pair, side, axis),
-        noisy=math.inf if axis.inertia is None else _noisy(pair, side, axis),
+        noisy=math.inf if axis.inertia is None else _noisy(pair, side, axis, port.leak),
     )
 
 
@@ -216,14 +216,17 @@ def coarsest_step(pair: WavePair, side: str, axis: CoupledAxis) -> float:
     return COARSEST * port_impedance(pair, side) * axis.velocity_limit
 
 
-def _noisy(pair: WavePair, side: str, axis: CoupledAxis) -> float:
-    """Return the mean square of third differences of noise that takes clearly too much."""
+def _noisy(pair: WavePair, side: str, axis: CoupledAxis, leak: float) -> float:
+    """Return the mean square of third differences of noise that takes clearly too much.
+
+    `leak` is what the tank gets in a period [J].
+    """
     assert axis.inertia is not None
     port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
     observer = observer_of(pair, side, axis.period, axis.inertia)
     whole = axis.delay + (1 if axis.late > 0.0 else 0)
     drain = noise_bounds(port, observer, whole).drain
-    variance = tank_leak(pair, side, axis) * axis.period / drain if drain > 0.0 else math.inf
+    variance = leak / drain if drain > 0.0 else math.inf
     pulses = axis.effort_quantum * axis.period**2 / axis.inertia
     return NOISIER * NOISIER * WHITE * variance + 4.0 * pulses * pulses
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from tautwave.models.sensors.effort import NO_SENSOR
 from tautwave.models.servo import ServoParams
 from tautwave.rig import (
     SEED_WORD,
+    Assembly,
     axis_model,
     axis_names,
     axis_params,
@@ -79,7 +81,11 @@ class RigFacts(NamedTuple):
 
 def rig_facts(rig: Rig) -> RigFacts:
     """Build one cycle's worth of the live rig; its drivers know delays, its sources columns."""
-    assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
+    return facts_of(build_rig(rig, clock="fake", duration_s=rig.period_s))
+
+
+def facts_of(assembly: Assembly) -> RigFacts:
+    """Return what only a built rig knows."""
     # What a driver records of its bus has no meaning where there is none.
     drivers = {id(bus.driver) for bus in assembly.buses}
     foreign = {
@@ -131,7 +137,10 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
             f"{rig.name}: arms and loads are not compiled; tautwave run --clock fake simulates them"
         )
     cycles = cycles_in(rig, duration_s)
-    facts = rig_facts(rig) if facts is None else facts
+    built: Sequence[AxisParams] = ()  # of the controller, where it is built for the facts
+    if facts is None:
+        assembly = build_rig(rig, clock="fake", duration_s=rig.period_s)
+        facts, built = facts_of(assembly), assembly.control.params
     delays = facts.delays
     law = coupling_law(rig)
     axes = tuple(delays)
@@ -144,13 +153,12 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
     flags.add(draw_overruns(rig.seed, faults.overrun_probability, cycles))
     controlled = []
     devices = []
-    for name, model in zip(axes, models, strict=True):
+    for which, (name, model) in enumerate(zip(axes, models, strict=True)):
         at = floats.add(np.zeros(PIPE * delays[name].periods))
-        try:
-            controlled.append(axis_params(rig, name, delays[name], at))
-        except ConfigError:
-            check_ends(rig, delays)
-            raise
+        if built:
+            controlled.append(built[which]._replace(pipe=at))
+        else:
+            controlled.append(sound_axis(rig, name, delays, at))
         devices.append(pack_device(model, floats, flags, cycles))
     pairs = []
     for name in rig.coupling.pairs:
@@ -172,6 +180,15 @@ def pack_rig(rig: Rig, duration_s: float | None = None, facts: RigFacts | None =
         flags=flags.join(),
         law=law,
     )
+
+
+def sound_axis(rig: Rig, name: str, delays: Mapping[str, CommandDelay], pipe: int) -> AxisParams:
+    """Return the constants of an axis; what is wrong of any axis is said of all."""
+    try:
+        return axis_params(rig, name, delays[name], pipe)
+    except ConfigError:
+        check_ends(rig, delays)
+        raise
 
 
 def true_model(rig: Rig, axis_name: str, declared: CommandDelay, cycles: int) -> AxisModel:
