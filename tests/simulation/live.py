@@ -15,7 +15,7 @@ SHIPPED = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 # Rigs on a bus have rows of their driver's too; tests/rigs holds them against a loopback's. Scenes
 # and arms run in the live loop only.
 OTHERS = (
-    *(f"driver: {name}" for name in ("canopen", "dynamixel", "mit", "modbus")),
+    *(f"driver: {name}" for name in ("canopen", "dynamixel", "feetech", "mit", "modbus")),
     "\nscene:",
     "\n  arm:\n",
 )
