@@ -88,7 +88,14 @@ def start_axis(s: AxisState, p: AxisParams, position: float, outside: float) -> 
 
 
 def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps: Steps) -> None:
-    """One slot went by: the command that acted in it joins the open interval."""
+    """One slot went by: the command that acted in it joins the open interval.
+
+    Books need the effort that acted, which is not the one just sent: with a command delay it was
+    sent `delay` slots ago (`pass_late`). Efforts are summed, and divided by the slots when a
+    sample closes them: over an interval without a sample only the mean effort and the whole
+    displacement are known. `tag`, the number that the coupling put beside the command, comes back
+    to it in the slot in which that command acts; so a wave is booked with the motion it causes.
+    """
     tag = s.tag
     if p.delay > 0 or p.late > 0.0:
         tag = pass_late(s, p, table)
@@ -105,7 +112,10 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
 def pass_late(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
     """Let the command act that was sent `delay` slots ago; return its tag.
 
-    With a remainder `late` the one before it acts for that share of the slot.
+    A ring of `delay` entries in the pair's table: what stood at `head` acts now, and the last
+    command takes its place. With a remainder `late` the command before acts for that share of the
+    slot: when in it the device moved is unknown, so the swing between both goes to `spread`, from
+    which `close_axis` makes an uncertainty of the books.
     """
     total = s.total
     port = s.port_effort
@@ -171,6 +181,14 @@ def take_sample(s: AxisState, p: AxisParams, m: Sample, steps: Steps) -> None:
 
 def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, steps: Steps) -> None:
     """Close all periods since the last sample: books, and what leaves for the other side.
+
+    Before: `pass_slot` has filed `count` slots with their efforts. The energy that the motor took
+    from the device is the mean effort times the displacement, exact for an effort held over the
+    interval, whatever the motion was in it; where an effort changed within a slot, or was only
+    sampled (admittance), the difference that this can make is added to `uncertainty` instead of
+    being guessed. Velocity is corrected with the effort that acted, so that a push of the own motor
+    does not look like one from outside. Afterwards the interval is empty, and the coupling has
+    formed what leaves from the same displacement and effort that were booked.
 
     Parameters
     ----------
@@ -273,6 +291,9 @@ def think_axis(
 ) -> int:
     """Decide the next command; return the guard's code (0: all is well).
 
+    Range and velocity are guarded first, on what was measured: no law may talk an axis out of its
+    limits. A stop that has begun needs no law either. Everything else is computed for the period
+    in which the command will act, `delay` periods ahead, so efforts under way are summed first.
     `ceiling` is the engage ramp's [N m, N or rad/s, m/s].
     """
     guard = guard_axis(p.site.limit, s.position, s.velocity)
@@ -290,7 +311,17 @@ def think_axis(
 
 
 def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, steps: Steps) -> int:
-    """Decide the effort of an impedance axis; `pending` is the sum of those that act before it."""
+    """Decide the effort of an impedance axis; `pending` is the sum of those that act before it.
+
+    Efforts are resisting: positive ones oppose positive motion, and the motor gets `-total`. Each
+    element is given the mean velocity that the axis would have in the acting period with all that
+    is known before it: first those under way, then the local wall, then compensation, last the
+    coupling. So no two elements spend the same damping, and each one's books hold its own work.
+    Limits come last and once, over the sum: what they take counts against the coupling, never the
+    wall, because only the coupling has a tank that can pay for it. `asked` keeps what was wanted,
+    `limited` which limit acted. An alarm of the coupling, or an effort that is not finite, ends in
+    the stop's command instead.
+    """
     site = p.site
     coast = s.velocity - site.half_mobility * (s.impulse + 2.0 * pending)
     wall = 0.0
@@ -379,7 +410,12 @@ def rising_ceiling(
 def think_velocity(
     s: AxisState, p: AxisParams, pending: float, ceiling: float, steps: Steps
 ) -> int:
-    """Decide the velocity of an admittance axis; `pending` is the sum of those that act before."""
+    """Decide the velocity of an admittance axis; `pending` is the sum of those that act before.
+
+    The mirror of `think_effort`: the coupling answers a measured effort with a velocity, in one
+    equation with the local wall's spring and damper where the axis will be when it acts. They
+    cannot follow one after the other here: each would see a motion that the other one changes.
+    """
     site = p.site
     push, stiffness, damping = wall_ahead(site, s.position, pending)
     asked = steps.move(s, p, pending, push, stiffness, damping)

@@ -98,6 +98,18 @@ def cycle_pair(
 ) -> int:
     """Run one cycle on fresh samples; `skipped` slots went by unseen before this one.
 
+    Before: each side holds the command of the last cycle. In this order, because each step needs
+    what the one before leaves:
+
+    1. every slot that passed is filed with the command that acted in it; for a skipped one the
+       line moves on as well, since its delay is counted in slots;
+    2. a sample closes what was filed: books, and what leaves for the other side;
+    3. what left is exchanged; a side sees nothing younger of the other than this;
+    4. each side decides its next command.
+
+    A pair with a slow side does the first three slot by slot, for the sides that are due in it.
+    Afterwards both commands are set, or a guard says why an axis stops.
+
     Returns
     -------
     int

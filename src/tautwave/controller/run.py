@@ -101,8 +101,11 @@ def check_sample(
 ) -> None:
     """Look at what an exchange brought of an axis; stop for what is broken or missing too often.
 
-    A broken sample, one that is not finite, counts as missing. An impedance axis needs an effort
-    only where its coupling is `fed` by it, and may lack it as often as a sample.
+    The only door by which numbers of devices reach the laws: behind it a valid sample is finite.
+    A broken sample, one that is not, counts as missing, and begins the stop at once, with the
+    numbers that were read. Missing ones are counted in a row; the run stops when they are
+    `missing_limit`. An impedance axis needs an effort only where its coupling is `fed` by it, and
+    may lack it as often as a sample. The first reason to stop stays: later ones follow from it.
     """
     s = axes[which]
     if p.senses:
@@ -192,9 +195,13 @@ def stop_on_guard(
 
 
 def run_cycle(r: RunParams, o: RunState, x: RunView, slot: int, skipped: int, steps: Steps) -> bool:
-    """Close, exchange and think on every pair, or engage; return False if the run must not begin.
+    """Close, exchange and compute on every pair, or engage; return False if the run must not begin.
 
-    `skipped` slots went by unseen before this one.
+    `skipped` slots went by unseen before this one. Until all axes have delivered samples nothing
+    is coupled; then all pairs engage in one slot, so that none pulls at another's arm while that
+    one is still free, and the ramp rises from this slot on. Pairs share no state, and their order
+    changes no bit. Guards are looked at when all pairs are through: the commands of this cycle
+    are then those of one moment, and the stop begins on all axes in the same slot.
     """
     if o.armed_at < 0:
         if o.kind != FINISHED:

@@ -234,7 +234,18 @@ class Loop:
             self._clock.sleep_until(deadline)
 
     def _cycles(self) -> Iterator[tuple[int, int]]:
-        """Run cycle after cycle; yield (cycles run, slots skipped) so far."""
+        """Run cycle after cycle; yield (cycles run, slots skipped) so far.
+
+        Slots lie on an absolute grid, `period` apart from the first one on, and a cycle belongs to
+        the slot in which it starts. Before: every device is open and, with torque, enabled. In a
+        slot: note how late it is, run the cycle, then obey requests from outside (stop, reset),
+        which is safe because nothing is under way. Sleeping is to the next grid point, never for a
+        period: an error of one cycle does not add to the next. Whatever slots passed meanwhile are
+        skipped, counted, and handed to the next cycle, which books them as they were, with the
+        last command held. They are never run in a burst: that would send several commands in one
+        period to drives that hold the last. Afterwards `slot` is the controller's end, or a
+        reason to leave exists; `_leave` follows in either case.
+        """
         clock = self._clock
         control = self._control
         period = control.run.period_ns
@@ -279,7 +290,13 @@ class Loop:
                 skipped = 0
 
     def _cycle(self, slot: int, skipped: int, late_ns: int, deadline_ns: int) -> bool:
-        """Sense, close and think, act, record; return False if the run must not begin."""
+        """Sense, compute, write, record; return False if the run must not begin.
+
+        Samples come first, since everything else rests on them, and commands leave as early as
+        they are known, before the row is filled: recording may not delay a motor. A bus is
+        written in the slots in which it was read, so that a command never rests on older samples
+        than its neighbour's. `deadline_ns` is the latest time for answers of this slot.
+        """
         self._sensing.sense(slot, deadline_ns)
         control = self._control
         if not control.step(slot, skipped):
@@ -313,7 +330,12 @@ class Loop:
         self._control.devices_are(slot, refusal)
 
     def _leave(self) -> None:
-        """Safe command on every axis, then disable, then close; no error interrupts this."""
+        """Safe command on every axis, then disable, then close; no error interrupts this.
+
+        First every axis of every bus, then every disable: a bus that hangs in its disable must
+        not keep another one pushing. Each call stands alone, because a driver that failed is the
+        very reason to be here.
+        """
         buses = self._buses
         calls = [partial(bus.driver.write, [SAFE_COMMAND] * len(bus.axes)) for bus in buses]
         calls += [partial(bus.driver.disable) for bus in buses]

@@ -72,7 +72,15 @@ class Sensing:
         """What drivers say of axes without a sample, by axis."""
 
     def sense(self, slot: int, deadline_ns: int) -> None:
-        """Fill in the controller's samples; `fault` is the device fault that stopped the run."""
+        """Fill in the controller's samples; `fault` is the device fault that stopped the run.
+
+        All requests leave before the first answer is read, so that buses wait at the same time
+        and a cycle takes as long as the slowest, not as their sum. Reading ends at `deadline_ns`;
+        what has not come by then is missing in this cycle, of those axes alone. Faults are looked
+        at before missing samples are counted: a drive that says why it is silent is a better
+        reason to stop than silence. Afterwards each axis of a bus that was due has a new sample,
+        valid or not, and the axes of a slow bus between its slots keep theirs.
+        """
         control = self._control
         for number, bus in enumerate(self._buses):
             if bus.divisor == 1:

@@ -92,7 +92,10 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
 
 
 def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
-    """Take the wave of this slot; it is booked with the command that it leads to."""
+    """Take the wave of this slot; it is booked with the command that it leads to.
+
+    `tag` carries it through the axis' queue of commands, see `act`.
+    """
     e = s.end
     wave = p.end.wave * arriving
     e.arrived = arriving
@@ -101,7 +104,11 @@ def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
 
 
 def act(s: AxisState, p: AxisParams, tag: float) -> None:
-    """Book the wave whose command acted in a slot."""
+    """Book the wave whose command acted in a slot.
+
+    Not on arrival: with a command delay the tank would be given energy for a motion that comes
+    later, alternately hold too much and too little, and clip waves in between.
+    """
     e = s.end
     e.wave_sum += tag
     e.wave_energy += p.half_period * tag * tag
@@ -110,7 +117,16 @@ def act(s: AxisState, p: AxisParams, tag: float) -> None:
 def close(
     s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
 ) -> None:
-    """Correct the observer, close the tank, and form the leaving wave."""
+    """Correct the observer, close the tank, and form the leaving wave.
+
+    Before: the slots since the last sample are filed with efforts and waves that acted in them.
+    The observer gets the port's own effort; a local wall's is left out, for to the observer it is
+    a contact. The tank gets raw displacement, never the observed one, so that the claim rests on
+    samples alone. An effort that limits cut makes the wave pay for its own period, until the last
+    command that may still be cut has acted (`delay` + 2). A port that cannot pay, or owes more than
+    a period's way, is watched for a second at a time (`watch_port`). Afterwards `leaving` is the
+    wave for the line, paid for, and sums are empty.
+    """
     e = s.end
     k = p.end
     q = k.port
@@ -301,7 +317,14 @@ def miss(s: AxisState, p: AxisParams) -> None:
 
 
 def think(s: AxisState, p: AxisParams, coast: float) -> float:
-    """Return the resisting effort of the port [N m or N]."""
+    """Return the resisting effort of the port [N m or N].
+
+    b times the predicted velocity of the acting period, less sqrt(2b) times the wave that arrived
+    (`laws.port.port_effort`). On top: the friction with which an emptied tank recovers, while
+    something is owed; and what the drive's step took from the effort before, so that the mean is
+    exact. The whole is then bounded by what the tank could pay for until the effort is gone again;
+    `wanted` keeps it from before that bound, and the difference counts as cut in `close`.
+    """
     e = s.end
     k = p.end
     # A local wall is a push from outside to an observer, as an environment is: given its effort,

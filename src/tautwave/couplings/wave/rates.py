@@ -27,7 +27,13 @@ def exchange_waves(
     from_master: float,
     from_slave: float,
 ) -> tuple[float, float]:
-    """Pass one slot on the wave line; return the waves arriving at (master, slave)."""
+    """Pass one slot on the wave line; return the waves arriving at (master, slave).
+
+    Two rings of `samples` waves in the pair's table, one each way, with one index: what stands
+    there is as old as the line is long, is taken out, and replaced by what enters. Its energy is
+    half a period times the sum of squares, kept up by what enters and leaves, so the line's book
+    needs no sum over its length.
+    """
     w = c.link
     ahead = q.line + w.at
     back = ahead + q.samples

@@ -46,7 +46,12 @@ def engage(pair: PairView) -> None:
 
 
 def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
-    """Pass one slot: leaving waves enter the line, what leaves it arrives."""
+    """Pass one slot: leaving waves enter the line, what leaves it arrives.
+
+    Once for every slot of the loop, seen or not: the line's delay is so many slots. A slot that
+    the loop slept through repeats the last wave where the tank pays for it. Without a line
+    (`samples` 0) each wave arrives in the slot in which it left.
+    """
     c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     if q.rated:
         exchange_rated(pair, here, due_one, due_two)
