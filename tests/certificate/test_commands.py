@@ -101,6 +101,10 @@ def test_check_of_two_axes_is_light() -> None:
         ("bench-foam-loopback", ("passed", "passed")),
         ("bench-stiff-wall-loopback", ("passed", "passed")),
         ("bench-position-coupling", ("failed", "passed")),
+        *(
+            (f"feel-{what}", ("passed", "passed"))
+            for what in ("wall", "spring", "foam", "delay", "loss")
+        ),
         ("bench-multirate-loopback", ("passed", "passed")),
         ("bench-saturation-loopback", ("passed", "passed")),
         ("delay-stability", ("passed", "passed")),

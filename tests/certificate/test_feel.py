@@ -53,7 +53,7 @@ def test_a_line_is_felt_as_its_standing_offset_and_drags_with_the_friction_of_bo
     rig = load_rig(CONFIGS / f"{name}.yaml", [change])
     delays = command_delays(rig)
     offset = pair_facts(rig, "lever", delays).offset_per_effort
-    assert one_way_delay(rig, "lever", delays) >= delay == one.delay_s
+    assert one_way_delay(rig, "lever", delays) >= delay == pytest.approx(one.delay_s)
     assert one.stiffness == pytest.approx(1.0 / (offset + 1.0 / 250.0), rel=0.15)
     # What echoes in the line is paid for as well: more with a delay.
     least = friction(name, "lever", one.speed)

@@ -1,6 +1,7 @@
 """`python -m tests.lab NAME`."""
 
 from tests.lab.command import lab
+from tests.lab.feel import feel
 from tests.lab.motor_walls import motor_walls
 from tests.lab.papers.command import papers
 from tests.lab.renamed import renamed
@@ -9,6 +10,7 @@ from tests.lab.springs import springs
 from tests.lab.strangers.shares import shares
 from tests.lab.waiting import waiting
 
+lab.add_command(feel)
 lab.add_command(motor_walls)
 lab.add_command(papers)
 lab.add_command(renamed)

@@ -25,7 +25,7 @@ from tautwave.certificate.belief import SIDES
 from tautwave.config import Hand, HandPart, Hold, MinimumJerk, Rig, SolidWall, simulation_of
 from tautwave.config import Simulation as Truth
 from tautwave.errors import TautwaveError
-from tautwave.rig import axis_allowance, command_delays, pair_scale
+from tautwave.rig import axis_allowance, command_delays, line_delay, pair_scale
 from tautwave.rig.hands import stated_hand
 from tautwave.rig.scales import slave_offset
 from tautwave.simulation import Simulation, simulate
@@ -148,7 +148,7 @@ def rig_feel(rig: Rig) -> tuple[tuple[Feel, ...], tuple[str, ...]]:
         return (), ("felt stiffness and drag: the joints of an arm move each other",)
     bare = _bare(rig)
     courses = {pair: _course(bare, pair) for pair in bare.coupling.pairs}
-    slow = SLOW * rig.coupling.delay_s
+    slow = SLOW * _line_s(rig)
     try:
         pressed = _press(bare, courses, slow)
         moved = _move(bare, courses, slow)
@@ -174,7 +174,7 @@ def _feel(
         pair,
         kind == "rotary",
         rig.coupling.law,
-        rig.coupling.delay_s,
+        _line_s(rig),
         WALLS[kind],
         course.force,
         stiffness,
@@ -183,6 +183,11 @@ def _feel(
         axis.coulomb + axis.damping * speed,
         tuple(dict.fromkeys(ended)),
     )
+
+
+def _line_s(rig: Rig) -> float:
+    """Return the delay of the line between the sides, a network's included [s]."""
+    return line_delay(rig).samples * rig.period_s
 
 
 def _bare(rig: Rig) -> Rig:
