@@ -114,7 +114,7 @@ def assert_alike(path: Path, axes: Sequence[tuple[str, Sequence[Any]]]) -> int:
         same_tables(template.filled(instance), job)
         out = np.empty(0)
         for one, other in zip(template.tables(instance, out), record_tables(job, out), strict=True):
-            assert one.tolist() == other.tolist()
+            assert np.array(one).tolist() == np.array(other).tolist()
         instances += 1
     return instances
 
