@@ -18,6 +18,7 @@ from tautwave.cli.options import (
 )
 from tautwave.errors import ConfigError
 
+KEEP = ("names", "serial", "paths", "hosts")
 STAGES = (
     "identity", "hand", "limits", "noise", "watchdog", "motion", "delay", "effort", "gentle", "full"
 )  # fmt: skip
@@ -50,6 +51,19 @@ STAGES = (
     help="Length of the coupled runs [s].",
 )
 @click.option("--script", metavar="FILE", help="Answers from a file, as for calibrate.")
+@click.option(
+    "--share",
+    type=PATH,
+    metavar="FILE",
+    help="One file to hand on, of RIG's acceptance or of RIG as a kept acceptance.json.",
+)
+@click.option(
+    "--share-with",
+    "kept",
+    default="",
+    metavar="A,B",
+    help=f"What --share leaves out unless named here: {', '.join(KEEP)}.",
+)
 @click.option("--verify", is_flag=True, help="RIG is an acceptance.json: verify it.")
 @out_option("Directory, new or empty; default: runs/accept-NAME-DATE-TIME.")
 @clock_option()
@@ -66,6 +80,8 @@ def accept(
     stages: str,
     run_s: float,
     script: str | None,
+    share: Path | None,
+    kept: str,
     verify: bool,
     out: Path | None,
     clock: str,
@@ -82,7 +98,8 @@ def accept(
     effort and at full effort. The first failed stage ends it with exit code 6. acceptance.json
     holds every result, sealed by the SHA-256 of every recording and of itself; --keys signs it, and
     with --verify shows who signed. Real devices that passed identity and motion are kept in
-    RIG.accepted.json beside RIG, and compared in every run.
+    RIG.accepted.json beside RIG, and compared in every run. --share writes one file that may be
+    handed on, after it was printed in full: no names, hosts, users, paths or serial numbers.
 
     \b
     Examples:
@@ -90,6 +107,7 @@ def accept(
         tautwave accept drives.yaml --by me --stages identity,hand
         tautwave accept drives.yaml --by 'A. Person' --keys keys --site lab
         tautwave accept runs/accept-drives/acceptance.json --verify --keys keys
+        tautwave accept runs/accept-drives/acceptance.json --share drives.json
     """
     from tautwave.session.acceptance import document
 
@@ -101,6 +119,13 @@ def accept(
             by = f", signed with the key of site {found.signer}" if found.signer else ""
             click.echo(f"{rig}: unchanged since it was sealed{by}")
         ctx.exit(2 if found.wrong else 0)
+    keep = [word.strip() for word in kept.split(",") if word.strip()]
+    unknown = [word for word in keep if word not in KEEP]
+    if unknown:
+        raise ConfigError(f"accept: --share-with: {unknown[0]!r} is not one of {', '.join(KEEP)}")
+    if share is not None and rig.suffix == ".json":
+        _share(rig, share, keep)
+        return
     if by is None or not by.strip():
         raise click.UsageError("--by is missing: who performs the acceptance?")
     from tautwave.cli.rigs.talking import conversation
@@ -123,8 +148,20 @@ def accept(
     finally:
         with suppress(OSError):
             directory.rmdir()  # removes it only if it is empty
+    if share is not None:
+        _share(path, share, keep)
     good = sum(check.good for check in checks)
     how = "sealed" if keys is None else f"signed with the key of site {site}"
     ended = "accepted" if good == len(checks) else "NOT accepted"
     click.echo(f"{path}: {good} of {len(checks)} passed, {ended} by {by}, {how}")
     ctx.exit(0 if good == len(checks) else 6)
+
+
+def _share(document: Path, target: Path, keep: Sequence[str]) -> None:
+    """Print what may be handed on of an acceptance, then write it."""
+    from tautwave.session.acceptance.shared import shared, text_of, write_shared
+
+    found = shared(document, keep)
+    click.echo(text_of(found), nl=False)
+    write_shared(target, found)
+    click.echo(f"{target}: as printed above; nothing is sent anywhere", err=True)

@@ -13,10 +13,12 @@ from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DriverError, SafetyStop
 from tautwave.reading import digest_of
 from tautwave.rig import bus_ways, real_buses
+from tautwave.rig.ways import Way
 from tautwave.session.acceptance import guides
 from tautwave.session.acceptance.accepted import NEEDED, keep_accepted
 from tautwave.session.acceptance.document import Check, write_sealed
 from tautwave.session.acceptance.motion import motions
+from tautwave.session.checking import bus_budgets
 from tautwave.session.guided.control import GuidedControl
 from tautwave.session.guided.running import (
     Conversation,
@@ -70,11 +72,12 @@ def accept(
         identity_files(asked.keys, asked.site)  # not only at the end of the day
     checks: list[Check] = []
     said: dict[str, Mapping[str, str]] = {}
+    notes: dict[str, list[str]] = {}
     ended = ""
     for stage in asked.stages:
         talk.say(f"-- {stage}")
         try:
-            found = list(_stage(stage, rig, asked, talk, out / stage, ways, said))
+            found = list(_stage(stage, rig, asked, talk, out / stage, ways, said, notes))
         except (DriverError, SafetyStop) as err:
             if not checks:
                 raise
@@ -100,6 +103,9 @@ def accept(
         "stages": list(asked.stages),
         "ended_at": ended,
         "accepted": not ended,
+        "buses": _buses(rig, ways),
+        "devices": {name: dict(one) for name, one in said.items()},
+        "notes": notes,
         "checks": [{**check._asdict(), "measured": _plain(check.measured)} for check in checks],
     }
     document = write_sealed(out, content, asked.keys, asked.site)
@@ -110,6 +116,23 @@ def accept(
         kept = keep_accepted(asked.rig, devices, asked.by, document)
         talk.say(f"{kept}: what a run on these devices compares")
     return document, checks
+
+
+def _buses(rig: Rig, ways: Ways) -> dict[str, dict[str, Any]]:
+    """Return by bus what it is driven by, at which rate, and what `check` says of its time."""
+    taken = bus_ways(rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach)
+    budgets = bus_budgets(rig)
+    return {
+        name: {
+            "driver": bus.driver,
+            "way": taken[name].way.value,
+            "simulated": taken[name].way is not Way.HARDWARE,
+            "rate_hz": rig.rate_hz / bus.divisor,
+            "needs_ms": 1e3 * budgets[name].time_s if name in budgets else None,
+            "how": budgets[name].arithmetic if name in budgets else "",
+        }
+        for name, bus in rig.buses.items()
+    }
 
 
 def _plain(measured: Mapping[str, float | str]) -> dict[str, float | str | None]:
@@ -128,8 +151,9 @@ def _stage(
     out: Path,
     ways: Ways,
     said: dict[str, Mapping[str, str]],
+    notes: dict[str, list[str]],
 ) -> Iterator[Check]:
-    """Run a stage and yield its checks; what devices report is put into `said`."""
+    """Run a stage and yield its checks; what devices report is put into `said` and `notes`."""
     if stage in ("gentle", "full"):
         yield from _coupled(stage, asked, talk, out, ways)
         return
@@ -148,6 +172,7 @@ def _stage(
     free = stage in ("identity", "hand", "limits")
     done = run_guided(rig, made[stage], talk, out=out, torque=not free, guarded=not free, ways=ways)
     said.update(done.identities)
+    notes[stage] = done.notes
     if stage == "identity":
         yield from _identity(asked, done, talk)
         return

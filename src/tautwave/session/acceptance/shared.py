@@ -1,0 +1,253 @@
+"""One file of an acceptance that a person may hand on: numbers and verdicts, nobody's names.
+
+`tautwave accept --share FILE` makes it of a kept acceptance alone, so that it can be made again.
+Nothing is sent anywhere. Names of rig, buses, axes and pairs are numbered; host, user, addresses,
+paths and serial numbers are left out, unless asked for.
+"""
+
+from __future__ import annotations
+
+import getpass
+import json
+import math
+import re
+import socket
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tautwave.config.guard import parse_json
+from tautwave.config.text.yaml12 import parse_yaml
+from tautwave.errors import ConfigError
+from tautwave.files import write_text
+from tautwave.reading import read_file
+from tautwave.recordings.recording import read_recording
+from tautwave.session.acceptance.document import FILE, LARGEST, verify
+
+Format = Literal["tautwave shared acceptance 1"]
+KEEP = ("names", "serial", "paths", "hosts")
+"""What is left out unless it is asked for."""
+SPAN_S, MAX_ROWS = 2.0, 100
+"""Of each stage, the last seconds, and so many rows of them."""
+ENDINGS = (".position", ".velocity", ".command", ".total", ".effort")
+TIMES = ("lateness_us", "compute_us", ".answer_us")
+SERIAL, PATH, HOST = "<serial>", "<path>", "<host>"
+
+
+class Shared(BaseModel):
+    """The file: what was tried, on what, what was measured, and how it ended.
+
+    `simulated` says that every bus was simulated; `checks` are those of the acceptance, with
+    their measured numbers; `stages` have the times of the loop [us] and the last rows; `rig` is the
+    resolved rig file.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    format: Format = "tautwave shared acceptance 1"
+    version: str
+    day: str
+    by: str = ""
+    simulated: bool
+    accepted: bool
+    ended_at: str
+    left_out: list[str]
+    buses: dict[str, dict[str, Any]]
+    devices: dict[str, dict[str, str]]
+    checks: list[dict[str, Any]]
+    notes: dict[str, list[str]]
+    stages: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    rig: dict[str, Any]
+
+
+class _Cleaner:
+    """Takes names, addresses, paths and serial numbers out of text."""
+
+    def __init__(self, rig: Mapping[str, Any], serials: set[str], keep: Sequence[str]) -> None:
+        self._keep = keep
+        self.words: dict[str, str] = {}
+        self._buses: dict[str, str] = {}
+        self._serials = sorted(serials, key=len, reverse=True)
+        if "names" not in keep:
+            self._number([str(rig.get("name", ""))], "rig", numbered=False)
+            self._buses = {name: f"bus{k}" for k, name in enumerate(rig.get("buses", {}), 1)}
+            sides = (rig.get(side, {}).get("axes", {}) for side in ("master", "slave"))
+            self._number([name for axes in sides for name in axes], "axis")
+            self._number(rig.get("coupling", {}).get("pairs", {}), "pair")
+        private = [socket.gethostname(), _user(), Path.home().name] if "hosts" not in keep else []
+        self._private = [word for word in private if len(word) > 2]
+
+    def _number(self, names: Any, word: str, *, numbered: bool = True) -> None:
+        for name in names:
+            if name and name not in self.words:
+                count = sum(one.startswith(word) for one in self.words.values())
+                self.words[name] = f"{word}{count + 1}" if numbered else word
+
+    def text(self, text: str) -> str:
+        """Return a text without what is left out."""
+        for serial in self._serials:
+            if "serial" not in self._keep:
+                text = re.sub(rf"(?<![\w.]){re.escape(serial)}(?![\w.])", SERIAL, text)
+        if "hosts" not in self._keep:
+            text = re.sub(r"(\w+://)[^/\s:]+", rf"\1{HOST}", text)
+            text = re.sub(r"(?<![\d.])(?:\d{1,3}\.){3}\d{1,3}(?![\d.])", HOST, text)
+        if "paths" not in self._keep:
+            text = re.sub(r"(?<![\w/>.])(?:~|\.{1,2})?(?:/[\w.@+ -]*[\w.@+-])+", PATH, text)
+        for word in self._private:
+            text = re.sub(rf"\b{re.escape(word)}\b", HOST, text)
+        for name, word in self._buses.items():  # `can` and `arm` are words elsewhere
+            text = re.sub(rf"\bbus (['\"]?){re.escape(name)}(?![\w-])", rf"bus \1{word}", text)
+        for name in sorted(self.words, key=len, reverse=True):
+            text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", self.words[name], text)
+        return text
+
+    def tree(self, value: Any, key: str = "") -> Any:
+        """Return a tree with every key and text cleaned."""
+        if isinstance(value, Mapping) and key == "buses":
+            return {self._buses.get(k, k): self.tree(v, str(k)) for k, v in value.items()}
+        if isinstance(value, Mapping):
+            return {self.key(str(k)): self.tree(v, str(k)) for k, v in value.items()}
+        if key == "bus" and isinstance(value, str):
+            return self._buses.get(value, value)
+        if isinstance(value, list | tuple):
+            return [self.tree(one, key) for one in value]
+        if isinstance(value, str):
+            return SERIAL if "serial" in key and "serial" not in self._keep else self.text(value)
+        if isinstance(value, float) and not math.isfinite(value):
+            return None
+        return value
+
+    def key(self, key: str) -> str:
+        """Return a key, or a column's name, with the names in it numbered."""
+        return ".".join(self.words.get(part, part) for part in key.split("."))
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return ""
+
+
+def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
+    """Return what may be handed on of an acceptance.
+
+    Parameters
+    ----------
+    document : Path
+        Its acceptance.json, or the directory with it.
+    keep : sequence of str
+        Of `KEEP`, what is not left out.
+
+    Raises
+    ------
+    ConfigError
+        It is no acceptance, or was changed since.
+    """
+    path = document / FILE if document.is_dir() else document
+    wrong = verify(path).wrong
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    content = parse_json(read_file(path, LARGEST).decode())
+    if "devices" not in content:
+        raise ConfigError(f"{path}: was written by tautwave 0.1, without what is shared; accept "
+                          "the rig again")  # fmt: skip
+    folders = [path.parent / stage for stage in content["stages"]]
+    rig = next((_rig(one) for one in folders if (one / "rig.yaml").is_file()), {})
+    devices = content["devices"]
+    serials = {
+        text for said in devices.values() for key, text in said.items()
+        if "serial" in key and len(text) > 2
+    }  # fmt: skip
+    cleaner = _Cleaner(rig, serials, keep)
+    recorded = [one for one in folders if (one / "recording.mcap").is_file()]
+    stages = {one.name: _rows(one, cleaner) for one in recorded}
+    return Shared(
+        version=content["version"],
+        day=content["sealed_utc"][:10],
+        by=content["by"] if "names" in keep else "",
+        simulated=all(bus["simulated"] for bus in content["buses"].values()),
+        accepted=content["accepted"],
+        ended_at=content["ended_at"],
+        left_out=[one for one in KEEP if one not in keep],
+        buses=cleaner.tree(content["buses"], "buses"),
+        devices=cleaner.tree(devices),
+        checks=[
+            {**one, "what": cleaner.text(one["what"]), "measured": cleaner.tree(one["measured"])}
+            for one in content["checks"]
+        ],
+        notes={stage: [cleaner.text(note) for note in notes]
+               for stage, notes in content["notes"].items()},
+        stages=stages,
+        rig=cleaner.tree(rig),
+    )  # fmt: skip
+
+
+def _rig(folder: Path) -> dict[str, Any]:
+    found = parse_yaml(read_file(folder / "rig.yaml", LARGEST).decode()).value
+    return found if isinstance(found, dict) else {}
+
+
+def _rows(folder: Path, cleaner: _Cleaner) -> dict[str, Any]:
+    """Return the times of a stage's loop, and its last rows, thinned."""
+    recording = read_recording(folder / "recording.mcap")
+    times = {}
+    for name in recording.columns:
+        if name in TIMES or name.endswith(TIMES[-1]):
+            values = sorted(value for value in recording[name].tolist() if math.isfinite(value))
+            if values:
+                at = [values[round(share * (len(values) - 1))] for share in (0.5, 0.99, 1.0)]
+                spread = zip(("p50", "p99", "max"), map(_short, at), strict=True)
+                times[cleaner.key(name)] = dict(spread)
+    wanted = ["time_s", *(name for name in recording.columns if name.endswith(ENDINGS))]
+    count = len(recording)
+    seconds = recording["time_s"]
+    first = next((k for k in range(count) if seconds[k] >= seconds[count - 1] - SPAN_S), 0)
+    stride = max(1, math.ceil((count - first) / MAX_ROWS))
+    rows = [
+        [_short(float(recording[name][k])) for name in wanted] for k in range(first, count, stride)
+    ]
+    return {"rows": count, "times_us": times, "columns": [cleaner.key(one) for one in wanted],
+            "last": rows}  # fmt: skip
+
+
+def _short(value: float) -> float | None:
+    return float(f"{value:.5g}") if math.isfinite(value) else None
+
+
+def text_of(found: Shared) -> str:
+    """Return the file: JSON, one row of numbers a line."""
+    text = json.dumps(found.model_dump(mode="json"), indent=1)
+    return re.sub(r"\[\s+((?:(?:-?[\d.e+-]+|null),?\s*)+)\]", _one_line, text) + "\n"
+
+
+def _one_line(found: re.Match[str]) -> str:
+    return f"[{' '.join(found[1].split())}]"
+
+
+def read_shared(path: Path) -> Shared:
+    """Read a shared file.
+
+    Raises
+    ------
+    ConfigError
+        It is none.
+    """
+    try:
+        return Shared.model_validate(parse_json(read_file(path, LARGEST).decode()))
+    except (ValueError, KeyError, TypeError) as err:
+        first = str(err).splitlines()[0]
+        raise ConfigError(f"{path}: is no file of `tautwave accept --share`: {first}") from err
+
+
+def write_shared(path: Path, found: Shared) -> None:
+    """Write a shared file.
+
+    Raises
+    ------
+    WritingError
+        It cannot be written.
+    """
+    write_text(path, text_of(found))

@@ -1,0 +1,154 @@
+"""What may be handed on of an acceptance: all numbers, nobody's names unless asked for."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from jsonschema import Draft202012Validator
+
+from tautwave.cli import main
+from tautwave.cli.rigs import accept as command
+from tautwave.errors import ConfigError
+from tautwave.session.acceptance import shared as module
+from tautwave.session.acceptance.document import write_sealed
+from tautwave.session.acceptance.shared import KEEP, Shared, read_shared, shared, text_of
+from tests.session.test_accepting import accept, bench
+
+HOST = socket.gethostname()
+FILE_OF_ANNA = "/home/anna/x y.eds"
+RIG = """
+name: annas-bench
+rate_hz: 500
+buses:
+  can:
+    driver: canopen
+    options:
+      interface: socketcan
+      channel: can0
+      nodes: [{id: 1, eds: /home/anna/files/drive 3.eds, rated_torque: 1.0}]
+  arm: {driver: modbus, options: {endpoint: tcp://192.168.7.20:502, files: ../anna/p.yaml}}
+master: {axes: {elbow-of-anna: {bus: can, id: 1}}}
+slave: {axes: {elbow-of-anna: {bus: arm, id: 1}}}
+coupling: {pairs: {elbow-of-anna: {}}}
+simulation: {hand: {elbow-of-anna: {mass: 0.1}}}
+"""
+SECRETS = {
+    "names": ["annas-bench", "elbow-of-anna", "A. Person"],
+    "serial": ["SN-4711-X", "0x4D2E"],
+    "paths": ["/home/anna", "drive 3.eds", "../anna"],
+    "hosts": ["192.168.7.20", *([HOST] if len(HOST) > 2 else [])],
+}
+
+
+def made(folder: Path, **changed: Any) -> Path:
+    """An acceptance of two devices with all that may not be handed on."""
+    stage = folder / "identity"
+    stage.mkdir(parents=True)
+    (stage / "rig.yaml").write_text(RIG)
+    axis = "master.elbow-of-anna"
+    note = f"{axis} (node 1): serial 0x4D2E, at tcp://192.168.7.20:502, from {HOST}: {FILE_OF_ANNA}"
+    content: dict[str, Any] = {
+        "rig": "annas-bench", "rig_sha256": "0", "version": "0.2.0", "by": "A. Person",
+        "sealed_utc": "2026-11-28T23:01:23+00:00", "stages": ["identity"], "ended_at": "identity",
+        "accepted": False,
+        "buses": {
+            "can": {"driver": "canopen", "way": "hardware", "simulated": False, "rate_hz": 500.0,
+                    "needs_ms": 0.6, "how": "2 drives on bus can"},
+        },
+        "devices": {axis: {"firmware": "1.2", "serial": "0x4D2E", "hardware_serial": "SN-4711-X"}},
+        "notes": {"identity": [note, "bus can: it can be read"]},
+        "checks": [{"stage": "identity", "what": axis, "measured": {"serial": "0x4D2E", "at": 0.25},
+                    "expected": "opened", "good": False}],
+    } | changed  # fmt: skip
+    return write_sealed(folder, content, None, "")
+
+
+def test_nothing_that_names_anybody_is_handed_on(tmp_path: Path) -> None:
+    found = shared(made(tmp_path))
+    text = text_of(found)
+    for secret in (one for some in SECRETS.values() for one in some):
+        assert secret not in text, secret
+    assert found.left_out == [*KEEP]
+    assert (found.day, found.by, found.simulated, found.accepted) == (
+        "2026-11-28",
+        "",
+        False,
+        False,
+    )
+    assert found.devices["master.axis1"]["firmware"] == "1.2"
+    assert found.checks[0]["measured"] == {"serial": "<serial>", "at": 0.25}
+    assert found.notes["identity"][1] == "bus bus1: it can be read"
+    assert found.rig["buses"]["bus1"]["options"]["interface"] == "socketcan"
+    assert found.rig["master"]["axes"] == {"axis1": {"bus": "bus1", "id": 1}}
+    assert "hand" in found.rig["simulation"]
+    assert found.buses["bus1"]["how"] == "2 drives on bus bus1"
+
+
+@pytest.mark.parametrize("keep", KEEP)
+def test_what_is_asked_for_is_kept_and_nothing_else(tmp_path: Path, keep: str) -> None:
+    text = text_of(shared(made(tmp_path), [keep]))
+    for kind, secrets in SECRETS.items():
+        for secret in secrets:
+            if kind == keep:
+                assert secret in text, secret
+            elif kind != "names" or keep != "paths":
+                assert secret not in text, secret
+
+
+def test_the_file_is_read_back_and_fits_its_schema(tmp_path: Path) -> None:
+    found = shared(made(tmp_path))
+    target = tmp_path / "drives.json"
+    module.write_shared(target, found)
+    assert read_shared(target) == found
+    schema = Shared.model_json_schema()
+    Draft202012Validator(schema).validate(json.loads(target.read_text()))
+    for text in ("", "[]", "{}", '{"format": "another"}'):
+        target.write_text(text)
+        with pytest.raises(ConfigError, match="is no file of `tautwave accept --share`"):
+            read_shared(target)
+
+
+def test_an_acceptance_that_was_changed_is_not_handed_on(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    path.write_text(path.read_text().replace("0.25", "0.75"))
+    with pytest.raises(ConfigError, match="was changed after it was sealed"):
+        shared(tmp_path)
+
+
+def test_it_is_printed_in_full_before_it_is_written(tmp_path: Path) -> None:
+    path, target = made(tmp_path), tmp_path / "drives.json"
+    done = CliRunner().invoke(main, ["accept", str(path), "--share", str(target)])
+    assert done.exit_code == 0, done.output
+    assert target.read_text() in done.output
+    assert f"{target}: as printed above; nothing is sent anywhere" in done.output
+    done = CliRunner().invoke(
+        main, ["accept", str(path), "--share", str(target), "--share-with", "names,address"]
+    )
+    assert done.exit_code == 2
+    assert "--share-with: 'address' is not one of names, serial, paths, hosts" in done.output
+    assert command.KEEP == KEEP
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_a_walk_ends_in_a_file_that_shows_its_fault_at_a_glance(tmp_path: Path) -> None:
+    rig = bench(tmp_path)
+    target = tmp_path / "drives.json"
+    done = accept(rig, "identity,hand,motion", "0.1\n2 thirty\n", "--axis", "master.lever",
+                  "--share", str(target))  # fmt: skip
+    assert done.exit_code == 6, done.output
+    found = read_shared(target)
+    assert (found.simulated, found.accepted, found.ended_at) == (True, False, "hand")
+    assert [check["what"] for check in found.checks if not check["good"]] == ["master.axis1"]
+    stage = found.stages["hand"]
+    assert stage["columns"][0] == "time_s"
+    assert 50 <= len(stage["last"]) <= module.MAX_ROWS + 1
+    assert stage["last"][-1][0] - stage["last"][0][0] == pytest.approx(module.SPAN_S, rel=0.1)
+    assert stage["times_us"]["lateness_us"]["max"] == 0.0
+    assert not re.search(r"\blever\b", target.read_text())
