@@ -18,6 +18,9 @@ from tautwave.models.chain.build import Body, Matrix, Vector, is_inertia, placed
 
 MAX_FILE = 1 << 24  # bytes
 DEEPEST = 32
+LEFT_BY_XACRO = ("xacro:property", "xacro:arg", "xacro:macro")
+"""Definitions, which files keep that need none of them any more."""
+UNEXPANDED = "is xacro's, not URDF: `xacro FILE -o arm.urdf` makes URDF of it"
 
 
 class Node:
@@ -73,7 +76,17 @@ class UrdfReader:
         robots = top.all("robot")
         if not robots:
             raise self.wrong(1, "has no <robot>; a URDF file is required (run xacro first)")
+        self._expanded(robots[0])
         return robots[0]
+
+    def _expanded(self, robot: Node) -> None:
+        """Refuse what xacro has yet to expand; what it leaves behind, and meshes, say nothing."""
+        for node in robot.children:
+            if node.tag.startswith("xacro:") and node.tag not in LEFT_BY_XACRO:
+                raise self.wrong(node.line, f"<{node.tag}> {UNEXPANDED}")
+            name = node.given.get("name", "")
+            if node.tag in ("link", "joint") and _unexpanded(name):
+                raise self.wrong(node.line, f"{node.tag} {name!r} {UNEXPANDED}")
 
     def one(self, node: Node, tag: str) -> Node | None:
         """Return the only child of a name, None without one."""
@@ -104,6 +117,8 @@ class UrdfReader:
     def numbers(self, node: Node, key: str, count: int) -> list[float]:
         """Return an attribute of finite numbers."""
         text = self.word(node, key)
+        if _unexpanded(text):
+            raise self.wrong(node.line, f"{key} of <{node.tag}>, {text!r}, {UNEXPANDED}")
         try:
             found = [] if "_" in text else [float(part) for part in text.split()]
         except ValueError:
@@ -179,3 +194,7 @@ class UrdfReader:
                 raise self.wrong(node.line, f"a second {node.tag} {name!r} (line {first})")
             found[name] = node
         return found
+
+
+def _unexpanded(text: str) -> bool:
+    return "${" in text or "$(" in text
