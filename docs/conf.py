@@ -20,7 +20,7 @@ version = release = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "sphinx.ext.intersphinx"]
 source_suffix = {".md": "markdown"}
-exclude_patterns = ["_build", "examples", "**/examples/**"]
+exclude_patterns = ["_build", "examples", "**/examples/**", "reference/generated/keys/**"]
 templates_path: list[str] = []
 
 # -- Markdown ------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from _tools.markdown import table
 from tautwave import registry
 from tautwave.config import rig_schema
 
-README = Path(__file__).parents[2] / "configs" / "README.md"
+PAGES = Path(__file__).parents[1] / "reference" / "rig"
 TITLES = {
     "canopen": "driver `canopen`",
     "dynamixel": "driver `dynamixel`",
@@ -27,24 +27,92 @@ TITLES = {
 Node = Mapping[str, Any]
 
 
-def keys_page() -> str:
-    """Return the page: one section a block, one row a key."""
+ROOTS = {
+    "top": ("",),
+    "buses": ("Bus", "loopback", "replay"),
+    "axes": (
+        "Side",
+        "Axis",
+        "Inertia",
+        "Damping",
+        "Coulomb",
+        "EffortSensor",
+        "Compensation",
+        "Load",
+        "Follower",
+    ),
+    "arms": ("Arm", "Chain", "Branch", "Payload"),
+    "coupling": ("Account", "Wall", *registry.coupling_names()),
+    "link": ("Link",),
+    "cameras": ("Camera",),
+    "sites": ("Sites",),
+    "scene": ("Scene",),
+    "scene3d": ("Scene3d",),
+    "operate": ("Operate",),
+    "calibration": ("Calibration",),
+    "loop": ("Loop",),
+    "simulation": ("Simulation",),
+}
+"""Blocks whose keys a page explains, with what only they lead to; a driver or law by its name."""
+
+
+def keys_pages() -> dict[str, str]:
+    """Return the tables of each page of the reference: a section a block, a row a key."""
     schema = rig_schema()
     blocks = schema["$defs"]
-    parts = [
-        "# Rig keys\n",
-        "Made from the schema at the build: `tautwave check --schema` prints the same for an"
-        " editor. [Rig files](../rig-file.md) explains them in context; units that follow the axis"
-        " are written `rotary | linear`.\n",
-        "## Top level\n",
-        _rows(schema, "", blocks),
-    ]
-    for name in sorted(blocks, key=_order):
-        if not blocks[name].get("properties") or name == "Coupling":
-            continue
-        parts += [f"({_anchor(name)})=\n## {_title(name)}\n", _first(blocks[name], name)]
-        parts.append(_rows(blocks[name], name, blocks))
-    return "\n".join(parts)
+    pages = {}
+    for page, names in assigned().items():
+        parts = []
+        for name in names:
+            node = blocks[name] if name else schema
+            parts += [f"({_anchor(name)})=\n## Keys: {_title(name) or 'top level'}\n"]
+            parts += [_first(node, name) if name else "", _rows(node, name, blocks)]
+        pages[page] = "\n".join(part for part in parts if part)
+    return pages
+
+
+def assigned() -> dict[str, list[str]]:
+    """Return the blocks of each page, in the order in which its keys lead to them."""
+    schema = rig_schema()
+    blocks = schema["$defs"]
+    shown = {name for name in blocks if blocks[name].get("properties") and name != "Coupling"}
+    drivers = {f"driver-{name}": (name,) for name in registry.driver_names()}
+    drivers = {page: names for page, names in drivers.items() if names[0] not in ROOTS["buses"]}
+    roots = ROOTS | drivers
+    taken = {name for names in roots.values() for name in names}
+    pages = {}
+    for page, names in roots.items():
+        waiting = [
+            block
+            for name in names
+            for block in ([name] if name in {"", *shown} else sorted(shown, key=_order))
+            if block == name or block.startswith(f"{name}.")
+        ]
+        found: list[str] = []
+        while waiting:
+            block = waiting.pop(0)
+            if block in found:
+                continue
+            found.append(block)
+            node = blocks[block] if block else schema
+            for other in _references(node["properties"]):
+                if other in shown and other not in taken and "." not in other and block:
+                    taken.add(other)
+                    waiting.append(other)
+        pages[page] = found
+    return pages
+
+
+def _references(node: Any) -> Iterator[str]:
+    """Yield the blocks that part of a schema refers to."""
+    if isinstance(node, Mapping):
+        if "$ref" in node:
+            yield node["$ref"].rpartition("/")[2]
+        for value in node.values():
+            yield from _references(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from _references(value)
 
 
 def described() -> Iterator[tuple[str, str, str]]:
@@ -147,7 +215,7 @@ def _takes(value: Node, blocks: Node) -> str:
 
 
 def _meaning(block: str, key: str, value: Node) -> str:
-    text = value.get("description") or _attribute_docs(block).get(key) or _readme(block).get(key)
+    text = value.get("description") or _attribute_docs(block).get(key) or _stated(block).get(key)
     if text is None:
         return ""
     # Schema texts hold no markup: what looks like a link or emphasis is a unit or a product.
@@ -177,13 +245,11 @@ def _attribute_docs(block: str) -> dict[str, str]:
 
 
 @cache
-def _readme(block: str) -> dict[str, str]:
-    """Meanings of a driver's keys in configs/README.md."""
-    owner = block.partition(".")[0]
-    text = README.read_text(encoding="utf-8")
-    section = re.search(rf"^#### `driver: {owner}`.*?(?=^###? |^#### )", text, re.M | re.S)
+def _stated(block: str) -> dict[str, str]:
+    """Meanings of a driver's keys on its page."""
+    page = PAGES / f"driver-{block.partition('.')[0]}.md"
     found: dict[str, str] = {}
-    for line in section[0].splitlines() if section else ():
+    for line in page.read_text(encoding="utf-8").splitlines() if page.exists() else ():
         cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
         if len(cells) == 3:
             for key in re.findall(r"`(\w+)`", cells[0]):

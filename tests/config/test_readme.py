@@ -1,4 +1,4 @@
-"""configs/README.md names every key and every shipped rig, and states the keys' own defaults."""
+"""The pages of a rig file name every key, with its own default; configs/README.md every rig."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from tautwave.config import rig_schema
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 README = (CONFIGS / "README.md").read_text()
+PAGES = sorted((CONFIGS.parent / "docs/reference/rig").glob("*.md"))
+REFERENCE = "\n".join(page.read_text() for page in PAGES)
 
 
 def _all_keys() -> set[str]:
@@ -23,12 +25,12 @@ def _all_keys() -> set[str]:
 
 @pytest.mark.parametrize("key", sorted(_all_keys()))
 def test_key_is_explained(key: str) -> None:
-    assert re.search(rf"`[^`]*\b{key}\b[^`]*`", README)
+    assert re.search(rf"`[^`]*\b{key}\b[^`]*`", REFERENCE)
 
 
 def _stated() -> Iterator[tuple[str, float]]:
     """Yield each key of the tables whose default is a number, with it."""
-    for line in README.splitlines():
+    for line in REFERENCE.splitlines():
         names, given, *_ = (*(cell.strip() for cell in line.split("|")[1:-1]), "", "")
         keys = re.findall(r"`([a-z_0-9]+)`", names)
         numbers = [number.strip() for number in given.split(",")]

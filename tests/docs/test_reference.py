@@ -14,7 +14,7 @@ import pytest
 
 import tautwave
 from tautwave import errors, registry
-from tautwave.config import Rig, load_rig
+from tautwave.config import Rig, load_rig, rig_schema
 from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
 from tautwave.session.sites.agreed import ALIGNED, LINK_COLUMNS
@@ -40,10 +40,24 @@ def test_every_key_says_what_it_means() -> None:
 
 
 def test_every_key_is_on_the_page() -> None:
-    from _tools.keys import described, keys_page
+    from _tools.keys import described, keys_pages
 
-    page = keys_page()
-    assert all(f"| `{key}` |" in page for block, key, _ in described() if block != "Coupling")
+    text = "".join(keys_pages().values())
+    assert all(f"| `{key}` |" in text for block, key, _ in described() if block != "Coupling")
+
+
+def test_every_block_has_one_page_and_every_page_its_keys() -> None:
+    from _tools.keys import assigned, keys_pages
+
+    blocks = {name for name, node in rig_schema()["$defs"].items() if node.get("properties")}
+    named = [block for page in assigned().values() for block in page]
+    assert sorted(named) == sorted({"", *blocks} - {"Coupling"})
+    folder = DOCS / "reference/rig"
+    shown = {
+        name: re.findall(r"generated/keys/([\w-]+)\.md", (folder / f"{name}.md").read_text())
+        for name in {path.stem for path in folder.glob("*.md")} - {"index", "reading"}
+    }
+    assert shown == {name: [name] for name in keys_pages()}
 
 
 def test_every_command_is_on_the_page() -> None:

@@ -36,7 +36,7 @@ def load_rig(path: str | Path, overrides: Sequence[str] = (), *, choose: bool = 
     Parameters
     ----------
     path : str or Path
-        The rig file, YAML 1.2, SI units; `configs/README.md` describes it.
+        The rig file, YAML 1.2, SI units; `docs/reference/rig` describes it.
     overrides : sequence of str
         `a.b=c` each, applied to the file in order; keys and values are checked like the file.
     choose : bool
