@@ -394,3 +394,17 @@ def test_what_a_run_counts_is_all_there(tmp_path, columns):
     rows = dict(loop_table(load_run(tmp_path)).rows)
     assert rows["missed cycles"] != MISSING
     assert [name for name, shown in rows.items() if shown == MISSING] == []
+
+
+@pytest.mark.parametrize(
+    ("folder", "shown"), [("runs/first", "runs/first"), ("my run", "'my run'")]
+)
+def test_the_commands_of_the_page_work_where_the_run_was_started(
+    tmp_path: Path, columns, monkeypatch: pytest.MonkeyPatch, folder: str, shown: str
+) -> None:
+    (tmp_path / folder).mkdir(parents=True)
+    make_summary(tmp_path / folder, columns)
+    monkeypatch.chdir(tmp_path)
+    page = Page(write_report(tmp_path / folder))
+    assert f"tautwave report {shown}" in page.text
+    assert f"tautwave run {shown}/rig.yaml" in page.text

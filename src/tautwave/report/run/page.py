@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -257,6 +258,13 @@ def _contents(run: Run) -> Iterator[Markup]:
     yield Markup('<div class="columns"><div>{}</div><div>{}</div></div>').format(both[0], both[1])
 
 
+def _as_typed(directory: Path) -> str:
+    """Return a directory as a person would type it here: below this folder, else from the root."""
+    whole = directory.resolve()
+    here = Path.cwd()
+    return shlex.quote(str(whole.relative_to(here) if whole.is_relative_to(here) else whole))
+
+
 def _reproduce(run: Run) -> Iterator[Markup]:
     summary = run.result
     yield Markup('<h2 id="reproduce">Rig and reproduction</h2>')
@@ -264,7 +272,7 @@ def _reproduce(run: Run) -> Iterator[Markup]:
     yield Markup("<p>Command of this run:</p>")
     yield Markup("<pre>{}</pre>").format(command or "not recorded")
     yield Markup("<p>The same run from its own resolved rig, and this page again:</p>")
-    folder = run.directory.name or str(run.directory)
+    folder = _as_typed(run.directory)
     clock = " --clock fake" if summary.clock == "fake" else tables.simulated_by(run)
     yield Markup("<pre>tautwave run {}/rig.yaml{}\ntautwave report {}</pre>").format(
         folder, clock, folder
