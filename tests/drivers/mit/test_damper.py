@@ -171,3 +171,89 @@ def test_a_spec_without_velocity_limit_has_no_torque_to_spare() -> None:
     endless = AxisSpec("master.a1", 1, "rotary", "impedance", 1.0)
     with pytest.raises(ConfigError, match="where its damper would fail"):
         motors_of(driver_options(options), bus._replace(axes=(endless,)))
+
+
+def pressed(rig: Rig) -> None:
+    """Bring up motors that are pushed against and move, all damped."""
+    rig.up()
+    rig.run(30, 0.4)
+
+
+def kinetic_change(rig: Rig, at: int) -> float:
+    """Return what a simulated motor does to itself in ten slots of its own [J]."""
+    axis = rig.motors[at].axis
+    axis.physics.v = 1.0
+    before = axis.physics.motor_work
+    for _ in range(10):
+        rig.motors[at].pass_slot()
+    return float(axis.physics.motor_work - before)
+
+
+MORE: dict[str, Any] = {"mass": 0.02, "watchdog_s": 0.02}
+
+
+def test_a_watchdog_that_fires_in_contact_leaves_neither_effort_nor_damper() -> None:
+    rig = simulated(motor(1, **DAMPED), motor(2, **DAMPED), **MORE)
+    pressed(rig)
+    assert rig.motors[0]._order[3] > 0.29
+    rig.clock.sleep_until(rig.clock.now_ns() + 40_000_000)  # the host stalls
+    rig.line.advance(rig.clock.now_ns())
+    for at, one in enumerate(rig.motors):
+        assert (one.state, one.torque, one._order) == (13, 0.0, (0.0,) * 5)
+        assert kinetic_change(rig, at) == 0.0
+    _, faults = rig.run(2, 0.4)
+    assert ["no command in time" in fault.text for fault in faults] == [True, True]
+    rig.driver.close()
+    assert not rig.driver.unconfirmed
+
+
+def test_one_that_falls_silent_in_contact_leaves_the_other_damped() -> None:
+    quirks = {"motors": {"1": {"silent_at_s": 0.02}}}
+    rig = simulated(motor(1, **DAMPED), motor(2, **DAMPED), simulator=quirks, **MORE)
+    pressed(rig)
+    rows, faults = rig.run(3, 0.4)
+    assert [state.valid for state in rows[-1]] == [False, True]
+    assert not faults  # the loop counts missing samples, and says which axis
+    assert "master.a1" not in rig.driver.misses  # nothing came in its place
+    assert (rig.motors[0].torque, kinetic_change(rig, 0)) == (0.0, 0.0)
+    assert kinetic_change(rig, 1) < 0.5 * 0.4 * 0.01  # half of what its effort alone would do
+    rig.driver.close()
+    assert list(rig.driver.unconfirmed) == ["master.a1"]
+
+
+def test_another_master_that_polls_changes_no_damper() -> None:
+    rig = foreign(motor(1, **DAMPED), mass=0.02)
+    rig.up()
+    rig.run(10, 0.4)
+    for _ in range(20):
+        rig.line.other_master(0x7FF, bytes.fromhex("0100cc0000000000"))
+        (state,) = rig.cycle(0.4)
+        assert not state.valid or abs(state.position) < 0.1
+        assert rig.motors[0].kd == pytest.approx(0.3, abs=1e-3)
+    assert not rig.driver.faults()
+    rig.driver.close()
+
+
+def test_a_supply_that_dips_in_contact_ends_with_everything_off() -> None:
+    quirks = {"motors": {"1": {"restarts_at_s": 0.02}}}
+    rig = simulated(motor(1, **DAMPED), simulator=quirks, **MORE)
+    rig.up()
+    _, faults = rig.run(40, 0.4)
+    assert "it was switched off and on" in faults[0].text
+    one = rig.motors[0]
+    assert (one.state, one.registers.whole(9), kinetic_change(rig, 0)) == (0, 0, 0.0)
+    rig.driver.close()
+
+
+def test_a_turn_that_is_lost_moves_no_damper() -> None:
+    """The position is taken back by it; a damper has no place."""
+    quirks = {"motors": {"1": {"turns": 1}}}
+    rig = simulated(motor(1, **DAMPED), simulator=quirks, **MORE)
+    rig.up()
+    rows, faults = rig.run(20, 0.0)
+    assert not faults
+    assert abs(rows[-1][0].position) < 2e-3
+    assert any("taken for -1 turns further" in note for note in rig.driver.notes)
+    assert abs(rig.motors[0].torque) < 5e-3
+    assert kinetic_change(rig, 0) < 0.0
+    rig.driver.close()
