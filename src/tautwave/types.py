@@ -35,12 +35,14 @@ class AxisCommand(NamedTuple):
 
     `effort` [N m or N] is used by impedance axes, `velocity` [rad/s or m/s] by admittance axes,
     both positive along `position`; the other one is 0. A device that takes positions goes to
-    `position` [rad or m]; NaN: it stays where it is.
+    `position` [rad or m]; NaN: it stays where it is. `damping` [N m s/rad or N s/m] is that of a
+    damper in the motor whose `Damper` is `commanded`, until the next command: its own or 0.
     """
 
     effort: float
     velocity: float
     position: float = math.nan
+    damping: float = 0.0
 
 
 class CommandDelay(NamedTuple):
@@ -68,6 +70,7 @@ class Damper(NamedTuple):
     It resists with `damping` times the velocity as the motor has it: sampled every `loop_s`, behind
     a low-pass of time constant `filter_s`, and acting `late` loops after the sample. `bias` is the
     greatest effort that it makes at rest, `assumed` what of this no device confirms: a clause.
+    `commanded`: it acts only while commands say so; else always.
     """
 
     damping: float
@@ -76,6 +79,7 @@ class Damper(NamedTuple):
     late: float
     bias: float
     assumed: str = ""
+    commanded: bool = False
 
 
 class BusElement(NamedTuple):

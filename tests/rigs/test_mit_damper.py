@@ -10,9 +10,12 @@ import pytest
 
 from tautwave.certificate.verdict import certify
 from tautwave.errors import ConfigError
+from tautwave.rig import build_rig
+from tautwave.runtime.loop import Loop
+from tautwave.session.engine import with_engine
 from tautwave.session.identification.identifying import axis_to_identify
 from tautwave.simulation.run import simulate
-from tests.rigs.running import Run, Tree, books, rig_of, run_rig
+from tests.rigs.running import ListSink, Run, Tree, books, rig_of, run_rig
 from tests.rigs.test_mit_rows import tree
 
 
@@ -144,3 +147,85 @@ def test_what_befalls_a_motor_in_contact_takes_its_damper_too(
     motor.axis.physics.v = 1.0
     motor.pass_slot()
     assert motor.axis.physics.motor_work == before  # neither effort nor damper
+
+
+def at_wall(wall: float = 60.0, **options: Any) -> Tree:
+    data = damped(0.1, wall, **options)
+    for one in data["buses"]["can"]["options"]["motors"]:
+        one["damped"] = "at_wall"
+    return data
+
+
+def test_what_an_approach_may_give_is_stated() -> None:
+    found = certify(rig_of(at_wall()), brief=True)
+    (one,) = (e for e in found.elements if (e.kind, e.axis) == ("damper", "slave.lever"))
+    assert one.passive.passed
+    # 12 rad/s for a sample, a command, and three times 0.32 ms.
+    assert one.numbers["reach"] == pytest.approx(12.0 * (2e-3 + 3.0 * 0.3183e-3), rel=1e-3)
+    assert one.numbers["approach_j"] == pytest.approx(0.5 * 0.1001 * 0.3183e-3 * 144.0, rel=1e-3)
+    assert "each approach may give up to 0.0023 J" in one.sentences[0]
+    wall = next(e for e in found.elements if e.kind == "wall")
+    assert wall.numbers["passive_stiffness"] == pytest.approx(99.9, rel=0.01)
+
+
+@pytest.mark.slow
+def test_it_damps_near_its_wall_and_is_not_felt_elsewhere() -> None:
+    run = run_rig(at_wall(), duration_s=3.6)
+    reach = 12.0 * (2e-3 + 3.0 * 0.3183e-3)
+    place, wall = run["slave.lever.position"], 0.1
+    before = np.diff(run["slave.lever.damper_least"]) > 0.0
+    assert (place[:-1][before] > wall - 2.0 * reach - 0.02).all()
+    assert run["slave.lever.damper_least"][-1] > 0.0
+    # The master has no wall: its damper never acts, and its books stay empty.
+    assert run["master.lever.damper_least"][-1] == 0.0
+    always = run_rig(damped(), duration_s=3.6)
+    depth = [float(r["true.slave.lever.position"].max()) for r in (run, always)]
+    assert depth[0] == pytest.approx(depth[1], rel=0.05)
+    found = books(run, "lever")
+    assert found.plant_residual < 1e-9 * found.plant_flow
+    late = slice(200, 1000)  # on the way to the wall
+    assert (run["master.lever.commanded"][late] != always["master.lever.commanded"][late]).any()
+
+
+@pytest.mark.slow
+def test_a_wall_never_acts_without_its_damper() -> None:
+    """Also with samples missing: effort and damper are of one frame."""
+    data = at_wall(simulator={"faults": {"lost": 0.01}})
+    seen: list[tuple[float, bool]] = []
+    run = run_rig(data, duration_s=0.001, raises=False)
+    motor = type(run.assembly.simulators[0].world.motors[1])
+    decode = motor._decode
+
+    def noting(self: Any, frame: bytes) -> Any:
+        order = decode(self, frame)
+        if self.keys.id == 2:
+            place = -(self.axis.physics.x)
+            seen.append((place, order[3] > 0.05))
+        return order
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(motor, "_decode", noting)
+        run = run_rig(data, duration_s=2.5, raises=False)
+    efforts = run["slave.lever.wall_effort"]
+    assert (efforts != 0.0).sum() > 100
+    assert any(not damped for _, damped in seen)
+    inside = [damped for place, damped in seen if -place > 0.1]
+    assert len(inside) > 100
+    assert all(inside)
+
+
+@pytest.mark.slow
+def test_a_compiled_controller_sends_the_same_dampers() -> None:
+    pytest.importorskip("numba")
+    rows = {}
+    for engine in ("python", "compiled"):
+        data = at_wall()
+        data["loop"]["engine"] = engine
+        rig = rig_of(data)
+        assembly = with_engine(rig, build_rig(rig, clock="fake", duration_s=1.6))
+        kept = ListSink(len(assembly.columns))
+        Loop(assembly.clock, assembly.buses, assembly.control, assembly.sources, kept).run()
+        at = assembly.columns.index("slave.lever.damper_least")
+        rows[engine] = [row[at] for row in kept.rows]
+    assert rows["python"] == rows["compiled"]
+    assert rows["python"][-1] > 0.0

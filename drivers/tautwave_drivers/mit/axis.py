@@ -55,7 +55,7 @@ class Axis:
     """
 
     __slots__ = (
-        "_acting", "_begins", "_code", "_ends", "_lines", "_nibble", "_said", "_told",
+        "_acting", "_begins", "_code_of", "_damped", "_ends", "_lines", "_nibble", "_said", "_told",
         "arrived_ns", "damper", "fault", "fresh", "late", "motor", "scale", "spec", "state",
         "upper", "wrong",
     )  # fmt: skip
@@ -81,9 +81,14 @@ class Axis:
         self._lines = tuple(
             (zero, scale.direction * step) for zero, step in zip(zeros, steps, strict=True)
         )
-        frame = damiao.command(0, scale.damping_code)
-        self._begins, self._ends = frame[:6], _ends(frame[6])
-        self._code = scale.coder(self.spec.effort_limit)
+        limit = self.spec.effort_limit
+        bare = scale._replace(damping_code=0, push=0.0)
+        # What a command is made of: its coder of torque, its first bytes, its last ones by code.
+        (self._code_of, self._begins, self._ends), self._damped = (
+            (one.coder(limit), frame[:6], _ends(frame[6]))
+            for one in (bare, scale)
+            if (frame := damiao.command(0, one.damping_code))
+        )
 
     def reset(self) -> None:
         """Forget what the motor said."""
@@ -147,21 +152,26 @@ class Axis:
             return f"{text}: its {damiao.TIMEOUT} has passed and its torque is off; run again"
         return f"{text}: its torque is off; remove the cause, then run again"
 
-    def command(self, effort: float) -> bytes:
-        """Return the frame of an effort [N m], zero once the motor is not to be driven."""
+    def command(self, effort: float, damped: bool = True) -> bytes:
+        """Return the frame of an effort [N m], zero once the motor is not to be driven.
+
+        With the motor's damper, where it has one and is to be `damped`.
+        """
         upper = self.upper = not self.upper
         if self.fault:
-            scale = self.scale._replace(damping_code=0, push=0.0)
-            return damiao.command(scale.torque_code(0.0, self.spec.effort_limit, upper))
-        if self.damper is not None:
-            self._acting, self._told = self._told, effort
-        return self._begins + self._ends[self._code(effort, upper)]
+            effort = 0.0
+        elif self.damper is not None:
+            self._acting, self._told = self._told, effort if damped else NAN
+            if damped:
+                code_of, begins, ends = self._damped
+                return begins + ends[code_of(effort, upper)]
+        return self._begins + self._ends[self._code_of(effort, upper)]
 
     def book(self) -> None:
         """Take this cycle's sample, or that there is none, into the books of the damper."""
         if self.damper is None:
             return
-        if self.fresh:
+        if self.fresh and self._acting == self._acting:  # NaN: it was not damped
             self.damper.take(self.position, self.torque - self._acting)
         else:
             self.damper.miss()

@@ -100,6 +100,10 @@ class MitDriver(DriverBase):
         self._enabling: Enabling | None = None
         self._armed: list[int | None] = [timeout_counts(options)] * len(self._axes)
         self._efforts = [0.0] * len(self._axes)
+        self._wanted: list[bool] | None = None
+        """Whether each motor is to damp, where that is commanded; None: as the options say."""
+        if any(motor.damped == "at_wall" for motor in self._motors):
+            self._wanted = [True] * len(self._axes)
         self._over = False
         """The cycle that answers are taken in for is over."""
         self._earliest_ns = 0
@@ -267,8 +271,15 @@ class MitDriver(DriverBase):
             return
         self._earliest_ns = self._now() + self._shortest_ns
         if ready:
-            efforts = self._efforts
-            exchange.ask([(number, command(efforts[at])) for at, number, command in self._commands])
+            efforts, damped = self._efforts, self._wanted
+            if damped is None:
+                frames = [(number, command(efforts[at])) for at, number, command in self._commands]
+            else:
+                frames = [
+                    (number, command(efforts[at], damped[at]))
+                    for at, number, command in self._commands
+                ]
+            exchange.ask(frames)
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the measured states; not valid where no answer came by the deadline."""
@@ -319,6 +330,11 @@ class MitDriver(DriverBase):
     def _take(self, commands: Sequence[AxisCommand]) -> None:
         """Stage one command per axis for the next request."""
         self._efforts = [command[0] for command in commands]  # their efforts
+        if self._wanted is not None:
+            self._wanted = [
+                motor.damped == "always" or command.damping > 0.0
+                for motor, command in zip(self._motors, commands, strict=True)
+            ]
 
     @property
     def misses(self) -> dict[str, str]:

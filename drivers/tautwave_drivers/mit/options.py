@@ -45,6 +45,8 @@ class Motor(BaseModel):
     damping: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
     """[N m s/rad] Damper in the motor (kd), felt in every motion; it acts at the motor's own rate,
     so the host's walls can be stiffer. Steps of 5/4095."""
+    damped: Literal["always", "at_wall"] = "always"
+    """When: always, or only near and in a local wall of its axis; then it is not felt elsewhere."""
     velocity_filter_hz: Positive | None = None
     """[Hz] V_BW, register 32: the low-pass of the velocity that the damper has; compared. Needed
     with `damping`."""
@@ -153,6 +155,7 @@ def damper_of(motor: Motor) -> Damper | None:
         damiao.LOOP_LATE,
         0.5 * scale_of(motor).torque,
         f"{damiao.V_BANDWIDTH} of motor {motor.id} is the low-pass of its damper's velocity, in Hz",
+        motor.damped == "at_wall",
     )
 
 

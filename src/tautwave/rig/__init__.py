@@ -30,7 +30,13 @@ from tautwave.rig.controller import (
 )
 from tautwave.rig.network import LineDelay, line_delay
 from tautwave.rig.parts import coupling_part
-from tautwave.rig.rates import at_axis_rate, at_full_rate, one_way_delay, standing_offset
+from tautwave.rig.rates import (
+    at_axis_rate,
+    at_full_rate,
+    damper_reach,
+    one_way_delay,
+    standing_offset,
+)
 from tautwave.rig.scales import PairScale, pair_scale, slave_offset
 from tautwave.rig.truth import (
     SEED_WORD,
@@ -88,6 +94,7 @@ __all__ = [
     "coupling_law",
     "coupling_part",
     "cycles_in",
+    "damper_reach",
     "end_constants",
     "foam_params",
     "judge_claim",

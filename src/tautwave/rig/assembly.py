@@ -14,6 +14,7 @@ from tautwave.registry import load_driver, load_simulator
 from tautwave.rig.calibrated import calibrated
 from tautwave.rig.carrying import side_loads
 from tautwave.rig.controller import follower_params, make_control
+from tautwave.rig.damping import damped
 from tautwave.rig.hooks import rig_hooks
 from tautwave.rig.truth import SEED_WORD, axis_model
 from tautwave.rig.ways import BusWay, Way, bus_ways
@@ -140,6 +141,7 @@ def build_rig(
         control = make_control(rig, delays, cycles)
     else:
         control = rig_hooks().build(rig, delays, cycles)
+    buses = damped(rig, buses, control)
     rows: list[RowSource] = [control, *sources]
     columns = [*TIMING_COLUMNS, *(name for source in rows for name in source.columns)]
     return Assembly(the_clock, buses, control, rows, simulators, columns)

@@ -83,7 +83,10 @@ class CalibratedDriver(DriverWrapper):
         if self._turned:
             commands = [
                 AxisCommand(
-                    way * command.effort, way * command.velocity, way * command.position + zero
+                    way * command.effort,
+                    way * command.velocity,
+                    way * command.position + zero,
+                    command.damping,
                 )
                 for command, (zero, way) in zip(commands, self._zeros, strict=True)
             ]

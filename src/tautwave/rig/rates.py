@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from tautwave.config import Rig
 from tautwave.registry import coupling_messages
 from tautwave.rig.network import line_delay
-from tautwave.types import CommandDelay
+from tautwave.types import CommandDelay, Damper
+
+SETTLED = 3.0
+"""Time constants of a motor's velocity filter in which it follows an axis that comes near."""
 
 
 def at_axis_rate(rig: Rig, axis_name: str) -> Rig:
@@ -87,3 +91,14 @@ def load_offset(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) ->
         return offset
     scale = rig.coupling.pairs[pair]
     return offset * scale.position_scale / scale.effective_force_scale
+
+
+def damper_reach(rig: Rig, axis_name: str, damper: Damper, delay: CommandDelay) -> float:
+    """Return from how far before its wall on an axis is damped [rad or m]; inf: everywhere.
+
+    At its velocity limit it takes so long that the command acts and the motor's filter follows.
+    """
+    limit = rig.axes[axis_name].velocity_limit
+    period = rig.axis_period_s(axis_name)
+    late_s = (1.0 + delay.periods) * period + delay.remainder_s + SETTLED * damper.filter_s
+    return math.inf if limit is None else limit * late_s

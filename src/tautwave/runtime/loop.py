@@ -15,6 +15,7 @@ from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.controller.stops import CHECK_CABLE, StopPlace
 from tautwave.errors import BusTimeout, DeviceFault, DriverError, SettingsDifferError, TautwaveError
 from tautwave.runtime.control import Control
+from tautwave.runtime.damping import DampingDriver
 from tautwave.runtime.sensing import LoopBus, Sensing, bus_commands, first_axes
 from tautwave.runtime.timing import Histogram
 from tautwave.types import SAFE_COMMAND, Fault
@@ -96,6 +97,9 @@ class Loop:
         self._clock = clock
         self._buses = buses
         self._control = control
+        for bus in buses:
+            if isinstance(bus.driver, DampingDriver):
+                bus.driver.control = control  # that of the rig's assembly may have been replaced
         self._sources = []
         at = len(TIMING_COLUMNS)
         for source in sources:

@@ -9,7 +9,7 @@ from tautwave.analysis.walls.passivity import wall_leak
 from tautwave.certificate.data import Element, Verdict
 from tautwave.certificate.walls import damping_at, sampled_wall
 from tautwave.config import Rig, axis_damper, local_wall
-from tautwave.rig import at_axis_rate, axis_allowance
+from tautwave.rig import at_axis_rate, axis_allowance, damper_reach
 from tautwave.types import CommandDelay, Damper
 
 
@@ -52,6 +52,15 @@ def _damper(rig: Rig, axis_name: str, delay: CommandDelay, damper: Damper) -> El
         f"The {name}, {damper.damping:.4g} {unit}, {behind}, takes {has.damper_damping:.3g} {unit} "
         "of the device's damping at high frequencies, whatever the hand."
     )
+    if damper.commanded:
+        reach, fast = damper_reach(rig, axis_name, damper, delay), has.velocity
+        numbers["reach"] = reach
+        numbers["approach_j"] = 0.5 * damper.damping * damper.filter_s * fast * fast
+        place = "rad" if rotary else "m"
+        said += (
+            f" It is sent from {reach:.3g} {place} before the wall on, and in stops. As its filter "
+            f"lags, each approach may give up to {numbers['approach_j']:.2g} J."
+        )
     found, needed = has.sampled_damping, 0.0
     wall = local_wall(rig, axis_name)
     if wall is not None:

@@ -60,5 +60,8 @@ class CarryingDriver(DriverWrapper):
                 seat[0].rest(seat[1])
                 sent.append(command)
             else:
-                sent.append(AxisCommand(command.effort + seat[0].effort(seat[1]), command.velocity))
+                effort = command.effort + seat[0].effort(seat[1])
+                sent.append(
+                    AxisCommand(effort, command.velocity, command.position, command.damping)
+                )
         self._driver.write(sent)

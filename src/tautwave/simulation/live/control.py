@@ -154,9 +154,9 @@ class CompiledControl(Control):
         if self.dead:
             return [super(CompiledControl, self).command(which) for which in range(first, after)]
         if self._all_impedance:
-            return [_made(AxisCommand, (value, 0.0, NONE)) for value in values]
+            return [_made(AxisCommand, (value, 0.0, NONE, 0.0)) for value in values]
         return [  # as AxisCommand(...) does, at half the time
-            _made(AxisCommand, (value, 0.0, NONE) if effort else (0.0, value, NONE))
+            _made(AxisCommand, (value, 0.0, NONE, 0.0) if effort else (0.0, value, NONE, 0.0))
             for value, effort in zip(values, self._impedance[first:after], strict=True)
         ]
 
