@@ -10,7 +10,7 @@ from tautwave.config import Rig
 from tautwave.contracts import Row
 from tautwave.couplings.account.claim import held_facts
 from tautwave.errors import SafetyStop
-from tautwave.laws.account import AccountParams, lets_go
+from tautwave.laws.account import CALM_SHARE, AccountParams, is_apart, lets_go
 from tautwave.rig import Assembly, build_rig
 from tautwave.runtime.control import Control
 from tautwave.runtime.loop import Loop
@@ -47,20 +47,22 @@ class Drain:
 
     columns: tuple[str, ...] = ()
 
-    def __init__(self, control: Control, which: int, after: int) -> None:
-        self.control, self.which, self.left = control, which, after
+    def __init__(self, control: Control, which: int, after: int, left: float) -> None:
+        self.control, self.which, self.after, self.left = control, which, after, left
 
     def fill(self, row: Row, at: int) -> None:
-        """Empty it, once the axis presses."""
-        self.left -= 1
-        if self.left <= 0:
-            self.control.axes[self.which].end.account.funds = 0.0
+        """Leave so much in it, once the axis presses."""
+        self.after -= 1
+        if self.after <= 0:
+            self.control.axes[self.which].end.account.funds = self.left
 
 
-def drained(rig: Rig, built: Assembly, after: int = EMPTIED, side: str = "slave") -> Run:
-    """Run what was built while the account of a side is drained."""
+def drained(
+    rig: Rig, built: Assembly, after: int = EMPTIED, side: str = "slave", left: float = 0.0
+) -> Run:
+    """Run what was built while the account of a side is drained, to what is `left` [J]."""
     which = list(rig.axes).index(f"{side}.a")
-    sources = (*built.sources, Drain(built.control, which, after))
+    sources = (*built.sources, Drain(built.control, which, after, left))
     sink = ListSink(len(built.columns))
     result = Loop(built.clock, built.buses, built.control, sources, sink).run()
     return Run(list(built.columns), np.array(sink.rows), result, built, None)  # type: ignore[arg-type]
@@ -108,6 +110,39 @@ def test_an_axis_that_let_go_ends_the_run(law: str) -> None:
     pressed = np.abs(run["slave.a.commanded"][60:EMPTIED]).mean()
     said = float(str(run.result.error).partition("requests is sent, ")[2].split()[0])
     assert said == pytest.approx(pressed, rel=0.5)
+
+
+def test_what_stands_apart_is_cut_steadily() -> None:
+    assert is_apart(P, 100 * 2.0, 100 * 0.9)
+    assert is_apart(P, -100 * 2.0, -100 * 0.9)
+    assert not is_apart(P, 100 * 2.0, 100 * 1.1)
+    assert not is_apart(P, 100 * 0.1, -100 * 0.3)  # nobody felt that
+    assert is_apart(P, 100 * 0.1, -100 * 0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left", [0.0, 0.5, 0.8])
+def test_a_pair_that_stands_apart_for_its_account_ends_the_run(left: float) -> None:
+    """With what half of the effort needs; with four fifths it stays, with nothing it is limp."""
+    rig = rig_of(pressing("position", {"duration_s": 14.0}))
+    built = build_rig(rig, clock="fake")
+    account = built.control.params[list(rig.axes).index("slave.a")].end.account
+    site = built.control.params[list(rig.axes).index("slave.a")].site
+    # What holds F at rest, see `laws.account`.
+    whole = drained(rig, build_rig(rig, clock="fake"), 10**9)
+    force = float(np.abs(whole["slave.a.commanded"][-100:]).mean())
+    needs = 2.0 * (left * force) ** 2 * site.half_mobility * site.period
+    run = drained(rig, built, left=needs / (CALM_SHARE * account.share))
+    if left == 0.8:
+        assert run.result.error is None
+        return
+    assert run.result.stop is not None
+    reason = "account_astray" if left else "account_empty"
+    assert (run.result.stop.axis, run.result.stop.reason) == ("slave.a", reason)
+    if left:
+        assert 10.0 < run.result.stop.at_s < 13.0
+        said = float(str(run.result.error).partition("account has let ")[2].split()[0])
+        assert said == pytest.approx(100.0 * left, rel=0.35)
 
 
 @pytest.mark.slow

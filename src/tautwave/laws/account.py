@@ -73,6 +73,16 @@ HELD_SHARE = 0.25
 PATIENCE = 2
 """Seconds in succession in which it lets less through, after which it has let go."""
 
+APART_SHARE = 0.5
+"""Of the effort that a law asks for on average, what an end lets through at least to follow."""
+
+APART_S = 10
+"""Seconds in succession in which it lets less through, and no more than before, after which the
+pair is astray: what is cut is a debt of position that is not led back."""
+
+APART_SHRUNK = 0.99
+"""What is cut below this share of the least so far is being led back."""
+
 SMOOTHED_S = 0.01
 """Time over which a velocity is smoothed [s]: slower than noise, as fast as a hand moves."""
 
@@ -187,6 +197,17 @@ def lets_go(p: AccountParams, asked: float, passed: float) -> bool:
     an empty one nothing that may give.
     """
     return asked > p.window * p.felt and passed < HELD_SHARE * asked
+
+
+def is_apart(p: AccountParams, asked: float, passed: float) -> bool:
+    """Return whether an end cuts so much of a steady effort that its pair stands apart for it.
+
+    `asked` and `passed` [N m or N]: sums over a window as in `lets_go`, but with their signs, so
+    that what a swing is cut by counts as far as it leaves something over.
+    """
+    cut = math.fabs(asked - passed)
+    wanted = math.fabs(asked)
+    return cut > p.window * p.felt and cut > (1.0 - APART_SHARE) * wanted
 
 
 def level_missing(far_level: float) -> float:

@@ -25,6 +25,13 @@ GUARDS = {
         "{effort} that its law requests is sent, {found:.3g} at best over a second; motion of "
         "the hand refills the account, and law wave holds a force without one",
     ),
+    own.ACCOUNT_ASTRAY: Guard(
+        "account_astray",
+        "left its pair apart",
+        "for ten seconds its energy account has let {found:.3g} % pass of the {allowed:.3g} "
+        "{effort} that its law requests to bring the pair together; motion of the hand refills the "
+        "account, a larger reserve holds more, and law wave holds a force without one",
+    ),
 }
 
 

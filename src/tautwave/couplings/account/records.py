@@ -15,7 +15,8 @@ class AccountEnd:
     full tank, `granted` for noise; `smooth` the device's velocity, smoothed [rad/s or m/s]. In this
     second so far `watched` efforts, their sizes as `asked` for and as they were `let` through [N m
     or N], and the seconds before it in which the end `lost` its hold; `held`, the mean of the best
-    second.
+    second. `pull` and `cut` are sums with their signs of what was asked for and what of it was cut,
+    `apart` the seconds before in which the pair stood apart for it, `least_cut` the least of them.
     """
 
     funds: float = 0.0
@@ -33,6 +34,10 @@ class AccountEnd:
     watched: int = 0
     lost: int = 0
     held: float = 0.0
+    pull: float = 0.0
+    cut: float = 0.0
+    apart: int = 0
+    least_cut: float = 0.0
 
 
 @dataclass(slots=True)

@@ -17,22 +17,30 @@ from tautwave.controller.steps import (
     no_start,
 )
 from tautwave.laws.account import (
+    APART_S,
+    APART_SHRUNK,
     PATIENCE,
+    AccountParams,
     brake_effort,
     close_account,
     credit_due,
     credit_received,
+    is_apart,
     lets_go,
     level_friction,
     level_missing,
     planned_bounds,
 )
+from tautwave.laws.limit import clamp
 
 ACCOUNT_OVERDRAWN = OWN_GUARDS + 50
 """Guard: more was given than the account may owe."""
 
 ACCOUNT_EMPTY = OWN_GUARDS + 51
 """Guard: too little is left to hold what the law presses with."""
+
+ACCOUNT_ASTRAY = OWN_GUARDS + 52
+"""Guard: what it cuts of a steady effort leaves the pair apart, and is not led back."""
 
 RINGS = 4
 """Places of the line of credits per slot of delay: a counter and a level each way."""
@@ -85,6 +93,10 @@ def start_account(s: AxisState, p: AxisParams) -> None:
     e.watched = 0
     e.lost = 0
     e.held = 0.0
+    e.pull = 0.0
+    e.cut = 0.0
+    e.apart = 0
+    e.least_cut = 0.0
 
 
 def start(pair: PairView, gap: float) -> None:
@@ -251,8 +263,11 @@ def watch_hold(s: AxisState, p: AxisParams, asked: float, passed: float) -> None
     """Look whether the account holds what the law presses with; stop where it has let go."""
     e = s.end.account
     k = p.end.account
-    e.asked += min(math.fabs(asked), p.site.limit.effort)
+    wanted = clamp(asked, p.site.limit.effort)
+    e.asked += math.fabs(wanted)
     e.let += math.fabs(passed)
+    e.pull += wanted
+    e.cut += wanted - clamp(passed, p.site.limit.effort)
     e.watched += 1
     if e.watched < k.window:
         return
@@ -264,9 +279,29 @@ def watch_hold(s: AxisState, p: AxisParams, asked: float, passed: float) -> None
         s.alarm = ACCOUNT_EMPTY
         s.found = e.held
         s.allowed = e.asked / k.window
+    watch_debt(s, k)
     e.asked = 0.0
     e.let = 0.0
+    e.pull = 0.0
+    e.cut = 0.0
     e.watched = 0
+
+
+def watch_debt(s: AxisState, k: AccountParams) -> None:
+    """Look whether what a second has cut is led back; stop where it has not been for long."""
+    e = s.end.account
+    cut = math.fabs(e.cut)
+    if not is_apart(k, e.pull, e.pull - e.cut):
+        e.apart = 0
+        return
+    if e.apart == 0 or cut < APART_SHRUNK * e.least_cut:
+        e.apart = 0
+        e.least_cut = cut
+    e.apart += 1
+    if e.apart > APART_S and s.alarm == 0:
+        s.alarm = ACCOUNT_ASTRAY
+        s.found = 100.0 * (1.0 - cut / math.fabs(e.pull)) if e.pull != 0.0 else 0.0
+        s.allowed = math.fabs(e.pull) / k.window
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:
