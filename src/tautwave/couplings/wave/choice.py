@@ -1,7 +1,8 @@
 """What a wave pair takes for its `auto` keys, and what bounds it.
 
-wave_filter_hz: a tenth of the slower axis' rate; none where neither axis has noise or a step and
-the certificate takes the ports without.
+wave_filter_hz: 50 Hz, ten times what a hand moves by will, or a fifteenth of the slower axis' rate
+if that is lower; none where neither axis has noise or a step and the certificate takes the ports
+without. What friction and contacts do to the efforts passes it, and is most of a pair's chatter.
 
 pole_master, pole_slave: the first of `POLES` on which the certificate calls the port contracting,
 held by the stated contact; plain, which bears the stiffest contacts, where it takes none: then the
@@ -12,7 +13,8 @@ wave_impedance: a stiffer line holds the devices closer together. It is the grea
 - the noise of both encoders makes no effort beyond `NOISE_SHARE` of a limit (`chatter`): it is
   always felt;
 - a held contact that rattles within an encoder step makes none beyond `STEP_SHARE`;
-- the line is no heavier than the two devices: one of delay tau feels like an inertia b tau;
+- it is no more than the impedance of both devices at 5 Hz: recorded hands need no more, and a
+  stiffer line adds more chatter than it takes error;
 - a port's reserve, twice, is no more than the kinetic energy of its device at the velocity limit.
   That includes the bound (1 + n) b T / (2 m) <= 1/2 of the certificate;
 - the certificate takes both ports, with an observer: the tank of a plain port is drained by the
@@ -38,10 +40,10 @@ from tautwave.config.keys.common import AUTO
 from tautwave.couplings.wave.device_port import SOFTER, port_of
 from tautwave.couplings.wave.from_keys import bare_port, coarsest_step, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
-from tautwave.couplings.wave.standing import line_time, moved_inertia
+from tautwave.couplings.wave.standing import moved_inertia
 from tautwave.errors import UnchosenKeyError
 from tautwave.laws.port import port_reserve
-from tautwave.rig import allowances, axis_allowance, command_delays, coupled_axis, one_way_delay
+from tautwave.rig import allowances, axis_allowance, command_delays, coupled_axis
 from tautwave.types import Choice, CommandDelay
 
 SIDES = ("master", "slave")
@@ -53,10 +55,22 @@ STEP_SHARE = 0.05
 RATTLE = 1.25
 """Deviation of that rattle per effort of one step, at most; as found for `QUANTUM_DRAIN`."""
 
+QUIETER = 1.25
+"""Greatest factor by which the impedance is lowered for an observer of less noise."""
+
 FEWER = 8.0
 """Greatest factor by which the impedance is lowered to do without a plain port."""
 
 HALVINGS = 6
+
+HAND_HZ = 5.0
+"""Up to which a hand moves by will."""
+
+CORNER_HZ = 50.0
+"""Ten times that."""
+
+PER_RATE = 15.0
+"""Samples per period of the corner at least."""
 
 CERTIFICATE = "the certificate"
 
@@ -162,9 +176,12 @@ def _corner(rig: Rig, name: str, *, bare: bool = False) -> Choice:
     if quiet and not bare:
         return Choice(None, "none, because no noise or encoder step is given")
     slower = max(names, key=rig.axis_period_s)
-    corner = float(f"{0.1 / rig.axis_period_s(slower):.3g}")
+    corner = float(f"{1.0 / (PER_RATE * rig.axis_period_s(slower)):.3g}")
+    by = f"a fifteenth of the rate of {slower}"
+    if corner > CORNER_HZ:
+        corner, by = CORNER_HZ, "ten times what a hand moves by will"
     why = ", without which no port is certified" if bare else ""
-    return Choice(corner, f"{corner:g} Hz, a tenth of the rate of {slower}{why}")
+    return Choice(corner, f"{corner:g} Hz, {by}{why}")
 
 
 def _pole(asked: Asked, pair: WavePair, side: str, poles: Sequence[float | str] = POLES) -> Choice:
@@ -189,7 +206,8 @@ def _impedance(asked: Asked, pair: WavePair) -> Choice:
     top = two_digits(bound.impedance)
     found, cause = top, f"bound by {bound.cause}"
     if min(asked.left.values()) > 0.0:
-        for poles, least in ((POLES[:-1], top / FEWER), (POLES, top / SOFTER)):
+        quieter = [(POLES[:count], top / QUIETER) for count in range(1, len(POLES) - 1)]
+        for poles, least in (*quieter, (POLES[:-1], top / FEWER), (POLES, top / SOFTER)):
             side = _blocked(asked, pair, poles, top)
             if not side:
                 break
@@ -276,9 +294,9 @@ def _bounds(asked: Asked, pair: WavePair) -> Iterator[Bound]:
         if effort > 0.0:
             cause = f"chatter of {axis_name} at {NOISE_SHARE:.0%} of its effort limit"
             yield Bound(NOISE_SHARE * limit / effort, cause)
-    time = line_time(rig, name, pair, one_way_delay(rig, name, asked.delays))
     yield Bound(
-        moved_inertia(rig, name, pair) / time, "the weight of the line, at that of both devices"
+        moved_inertia(rig, name, pair) * math.tau * HAND_HZ,
+        f"the impedance of both devices at {HAND_HZ:g} Hz",
     )
 
 

@@ -76,7 +76,7 @@ class WavePair(Pair):
         default=AUTO,
         json_schema_extra=tuned("engaged"),
         description="[Hz] Corner of the low-pass inside both ports, at the rate of each axis; "
-        "null: none. auto: a tenth of the slower axis' rate, none if neither axis has "
+        "null: none. auto: 50 Hz, or a fifteenth of the slower axis' rate; none if neither has "
         "noise or an encoder step and the ports are certified without one.",
     )
     pole_master: Pole = Field(
