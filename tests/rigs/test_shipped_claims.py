@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 
@@ -11,7 +12,8 @@ from tautwave.rig import command_delays, coupling_part, watchdogs
 from tautwave.session.claims import claims_of
 from tests.certificate.rigs import CONFIGS
 
-RIGS = sorted(path for path in CONFIGS.glob("*.yaml") if "law: wave" in path.read_text())
+AT_LINES = re.compile("law: (wave|auto)")
+RIGS = sorted(path for path in CONFIGS.glob("*.yaml") if AT_LINES.search(path.read_text()))
 ARMS = sorted((CONFIGS / "arms").glob("*.yaml"))
 
 

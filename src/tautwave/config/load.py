@@ -18,6 +18,7 @@ from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
 from tautwave.config.inputs.joints import order_axes
 from tautwave.config.keys.common import AUTO, GREATEST, LEAST, outsized
 from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
+from tautwave.config.law import choose_law
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
 from tautwave.config.pieces import take_apart
@@ -101,6 +102,7 @@ def finish_rig(
     _check_format(document)
     take_older(document)
     apply_overrides(document, overrides)
+    law = choose_law(document)
     expand_defaults(document)
     take_calibration(document)
     leave_other_half(document)
@@ -121,6 +123,8 @@ def finish_rig(
     if document.problems or rig is None:
         raise ConfigError(document.sentences())
     rig = complete_rig(document, rig, plugins, path)
+    if law is not None:
+        rig = rig.with_law(law)
     try:
         return choose_keys(rig) if choose else rig
     except UnchosenKeyError as err:

@@ -9,9 +9,9 @@ from pydantic import TypeAdapter
 from tautwave import registry
 from tautwave.config.hooks import config_hooks
 from tautwave.config.keys.chosen import part_keys
-from tautwave.config.keys.common import Block
+from tautwave.config.keys.common import AUTO, Block
 from tautwave.config.keys.control import SCENE, ControlKeys
-from tautwave.config.keys.coupling import law_blocks
+from tautwave.config.keys.coupling import STANDARD_LAW, law_blocks
 from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.simulation import EnvironmentPart, HandPart
 from tautwave.errors import ConfigError
@@ -106,7 +106,7 @@ def _add_laws(definitions: dict[str, Any]) -> None:
     blocks = law_blocks()
     shared = definitions.pop("Coupling")
     definitions.pop("Pair")
-    law = {**shared["properties"]["law"], "enum": list(blocks)}
+    law = {**shared["properties"]["law"], "enum": [AUTO, *blocks]}
     cases = []
     for name, block in blocks.items():
         keys = block.model_json_schema(ref_template=f"#/$defs/{name}.{{model}}")
@@ -118,6 +118,11 @@ def _add_laws(definitions: dict[str, Any]) -> None:
         if name != law["default"]:
             named["required"] = ["law"]
         cases.append({"if": named, "then": {"$ref": f"#/$defs/{name}.coupling"}})
+    left = {**definitions[f"{STANDARD_LAW}.coupling"]}
+    left["properties"] = {**left["properties"], "law": {**law, "enum": [AUTO]}}
+    definitions[f"{AUTO}.coupling"] = left
+    named = {"properties": {"law": {"const": AUTO}}, "required": ["law"]}
+    cases.append({"if": named, "then": {"$ref": f"#/$defs/{AUTO}.coupling"}})
     definitions["Coupling"] = {
         "description": shared["description"],
         "title": "Coupling",

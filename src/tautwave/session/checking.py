@@ -272,6 +272,8 @@ def _coupling(rig: Rig) -> str:
 
 def _choices(rig: Rig) -> Iterator[tuple[str, str]]:
     """Yield what the law chose for each key that the file leaves to it, and why."""
+    if rig.law is not None:
+        yield "law auto", rig.law.reason
     for path, choice in rig.choices.items():
         _, pair, key = path.split(".")
         short = key if len(rig.coupling.pairs) == 1 else f"{pair}.{key}"

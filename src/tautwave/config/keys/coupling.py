@@ -182,13 +182,18 @@ class Account(Block):
     )
 
 
+STANDARD_LAW = "wave"
+"""What a rig has that names no law, and what `auto` takes."""
+
+
 class Coupling(Block):
     """How master and slave are coupled; the law adds keys to these."""
 
     law: str = Field(
-        default="wave",
+        default=STANDARD_LAW,
         description="wave: passive at any constant delay; position: spring and damper between the "
-        "two, for comparison; or the name of another installed part (`tautwave drivers`).",
+        "two, for comparison; auto: chosen by the delay, gains included, as `check` says; or the "
+        "name of another installed part (`tautwave drivers`).",
     )
     part_sha256: PartHash | None = PART_HASH
     delay_s: Annotated[float, Field(ge=0, le=60)] = Field(
@@ -215,7 +220,7 @@ class Coupling(Block):
         """Return the block of the law that `value`, a mapping of the file or a block, names."""
         if isinstance(value, Coupling):
             return type(value)
-        law = value.get("law", "wave") if isinstance(value, dict) else "wave"
+        law = value.get("law", STANDARD_LAW) if isinstance(value, dict) else STANDARD_LAW
         return coupling_block(law) if isinstance(law, str) else _UnknownLaw
 
     def problems(self, rate_hz: float) -> Sequence[tuple[str, str]]:
@@ -255,7 +260,7 @@ class AnyLaw(Coupling):
 class _UnknownLaw(AnyLaw):
     """A coupling with an unknown law."""
 
-    law: Annotated[str, AfterValidator(_refuse_law)] = "wave"
+    law: Annotated[str, AfterValidator(_refuse_law)] = STANDARD_LAW
 
 
 def coupling_block(law: str) -> type[Coupling]:

@@ -117,6 +117,7 @@ class Rig(Block):
 
     _source: Path | None = PrivateAttr(default=None)
     _choices: Mapping[str, Choice] = PrivateAttr(default_factory=dict)
+    _law: Choice | None = PrivateAttr(default=None)
 
     def __eq__(self, other: object) -> bool:
         """Rigs are equal if all keys are, wherever they were read from."""
@@ -141,6 +142,17 @@ class Rig(Block):
     def choices(self) -> Mapping[str, Choice]:
         """What the law took for keys that the file left to it, by path in the coupling."""
         return self._choices
+
+    @property
+    def law(self) -> Choice | None:
+        """The law taken for `coupling.law: auto`, and why; None if the file names one."""
+        return self._law
+
+    def with_law(self, law: Choice) -> Self:
+        """Return the same rig with `law` set."""
+        rig = self.model_copy()
+        rig._law = law  # noqa: SLF001 - its own kind
+        return rig
 
     def with_choices(self, choices: Mapping[str, Choice]) -> Self:
         """Return the rig with these values in its coupling."""

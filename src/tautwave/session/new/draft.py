@@ -81,7 +81,11 @@ def _lines(draft: Draft) -> Iterator[str]:
             yield from arm_lines(draft.arms[side], draft.path)
     yield ""
     yield "coupling:"
-    yield _line(1, "law", Setting("wave", "impedances, filters and poles chosen by the law"))
+    yield _line(
+        1,
+        "law",
+        Setting("auto", "law and gains by the devices and the delay; `check` says which and why"),
+    )
     yield _line(1, "engage_ramp_s", Setting(1.0, "forces fade in over a second"))
     if draft.simulated:
         yield _line(1, "delay_s", Setting(0.0, "[s] one way: both arms on one machine"))
