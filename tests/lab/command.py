@@ -277,6 +277,27 @@ def couplings(
     print_suites([suite], as_json)
 
 
+@lab.command(short_help="What `law: auto` leaves on recorded hands, beside tuned settings.")
+@recordings_option("; without it hands are multisines.")
+@click.option("--quick", is_flag=True, help="One hand per contact, master imposed, no compiling.")
+@json_option
+def chosen(recordings: Path | None, quick: bool, as_json: bool) -> None:
+    """Measure `law: auto` on recorded hands: error and chatter, master imposed and with a grip.
+
+    Settings to compare with are chosen on some recordings and judged on the others, over all ways
+    of splitting them. Takes ten minutes.
+
+    \b
+    Examples:
+        python -m tests.lab chosen --quick
+        python -m tests.lab chosen --recordings teleop-1dof
+    """
+    suite = _suite(
+        "tests.lab.couplings.chosen", "chosen", recordings=recordings, quick=quick, tell=_tell
+    )
+    print_suites([suite], as_json)
+
+
 @lab.command(short_help="Friction and inertia compensation: how much lighter the device feels.")
 @click.option("--runs", type=click.IntRange(0), default=1000, show_default=True)
 @click.option(
