@@ -18,7 +18,8 @@ def choose_law(document: Document) -> Choice | None:
     as long as one likes. What a long delay costs is in its reason.
     """
     coupling = document.get(("coupling",))
-    if not isinstance(coupling, dict) or coupling.get("law") != AUTO:
+    named = coupling.get("law") if isinstance(coupling, dict) else None
+    if named != AUTO or not isinstance(coupling, dict):
         return None
     coupling["law"] = STANDARD_LAW
     delay = coupling.get("delay_s", 0.0)
