@@ -115,14 +115,12 @@ def _add_laws(definitions: dict[str, Any]) -> None:
         definitions[f"{name}.coupling"] = keys
         _add_pair_defaults(keys, definitions)
         named: dict[str, Any] = {"properties": {"law": {"const": name}}}
+        if name == STANDARD_LAW:  # the keys that a rig may have beside `auto`
+            keys["properties"]["law"] = {**law, "enum": [AUTO, name]}
+            named = {"properties": {"law": {"enum": [AUTO, name]}}}
         if name != law["default"]:
             named["required"] = ["law"]
         cases.append({"if": named, "then": {"$ref": f"#/$defs/{name}.coupling"}})
-    left = {**definitions[f"{STANDARD_LAW}.coupling"]}
-    left["properties"] = {**left["properties"], "law": {**law, "enum": [AUTO]}}
-    definitions[f"{AUTO}.coupling"] = left
-    named = {"properties": {"law": {"const": AUTO}}, "required": ["law"]}
-    cases.append({"if": named, "then": {"$ref": f"#/$defs/{AUTO}.coupling"}})
     definitions["Coupling"] = {
         "description": shared["description"],
         "title": "Coupling",
