@@ -22,7 +22,7 @@ def job_of(seconds: float = 0.4) -> Job:
 def rows_of(job: Job, engine: str = "python") -> np.ndarray:
     kernel, tables_of = engine_of(engine, job.law)
     tables = tables_of(job)
-    return simulation_of_run(job, tables, kernel(*tables)).data
+    return simulation_of_run(job, tables, kernel(tables)).data
 
 
 def test_a_wall_is_the_same_wall_as_a_contact() -> None:
