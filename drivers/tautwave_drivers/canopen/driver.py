@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from tautwave.contracts import BusSpec, Clock, FramePort, Row
 from tautwave.driver_base import DriverBase
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
+from tautwave.traffic import tapped
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.can.opening import open_port
 from tautwave_drivers.can.raw import RawPort
@@ -143,7 +144,9 @@ class CanopenDriver(DriverBase):
         if self._transport is not None:
             return self._transport
         try:
-            return open_port(self._options, self._clock)
+            port = open_port(self._options, self._clock)
+            tap: FramePort = tapped(self._bus.name, port, self._clock)
+            return tap
         except DriverError as err:
             raise DriverError(f"bus {self._bus.name}: {err}") from err
 

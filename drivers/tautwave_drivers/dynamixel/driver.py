@@ -18,6 +18,7 @@ from collections.abc import Container, Sequence
 from tautwave.contracts import BusSpec, BytePort, Clock, Row
 from tautwave.driver_base import DriverBase
 from tautwave.errors import DriverError
+from tautwave.traffic import tapped
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.adapter import USB_S, set_latency_timer
 from tautwave_drivers.causes import wrong_text
@@ -177,7 +178,8 @@ class DynamixelDriver(DriverBase):
             except BaseException:
                 port.close()
                 raise
-        return port
+        tap: BytePort = tapped(self._bus.name, port, self._clock)
+        return tap
 
     def _build(self, port: BytePort) -> None:
         """Build what every cycle uses."""

@@ -21,6 +21,7 @@ from typing import Any
 from tautwave.contracts import BusSpec, Clock, FramePort, Row
 from tautwave.driver_base import DriverBase
 from tautwave.errors import DeviceFault, DriverError
+from tautwave.traffic import tapped
 from tautwave.types import AxisCommand, CommandDelay, Fault, JointState
 from tautwave_drivers.can.batches import Frame
 from tautwave_drivers.can.exchange import Exchange
@@ -176,7 +177,9 @@ class MitDriver(DriverBase):
             port: FramePort = self._transport
             return port
         try:
-            return open_port(self._options, self._clock, framing)
+            port = open_port(self._options, self._clock, framing)
+            tap: FramePort = tapped(self._bus.name, port, self._clock)
+            return tap
         except DriverError as err:
             raise DriverError(f"bus {self._bus.name}: {err}") from err
 

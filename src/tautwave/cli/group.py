@@ -23,7 +23,8 @@ from tautwave.files import create, reason
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see `tautwave.session.certified`
 
 COMMANDS = (
-    "example", "new", "calibrate", "accept", "doctor", "run", "trials", "view", "ros", "check",
+    "example", "new", "calibrate", "accept", "replay-bus", "doctor", "run", "trials", "view", "ros",
+    "check",
     "sim", "scan", "sweep", "identify", "report", "export", "drivers", "bench",
     "compile", "keys", "link",
 )  # fmt: skip
@@ -38,6 +39,7 @@ MODULES = {
     "ros": "rigs.ros",
     "trials": "rigs.trials",
     "accept": "rigs.accept",
+    "replay-bus": "rigs.replay_bus",
 }
 """Where a command is, if not in a module of its name."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
@@ -91,7 +93,7 @@ class Commands(click.Group):
         where = MODULES.get(cmd_name, cmd_name)
         module = importlib.import_module(f"tautwave.cli.{where}")
         builtin = "_" if cmd_name == "compile" else ""
-        return cast("click.Command", getattr(module, cmd_name + builtin))
+        return cast("click.Command", getattr(module, cmd_name.replace("-", "_") + builtin))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -25,6 +25,7 @@ from tautwave.runtime.following import FollowingDriver
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.sensing import LoopBus
 from tautwave.streams import OVERRUN, uniform_stream
+from tautwave.traffic import tapped
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
 
@@ -108,7 +109,7 @@ def build_rig(
             else:
                 world = _simulate(rig, spec, bus.driver, options, the_clock, cycles)
             simulators.append(world)
-            transport = world.transport
+            transport = tapped(bus_name, world.transport, the_clock)
             sources.extend([world] if isinstance(world, RowSource) else getattr(world, "axes", ()))
             sources.extend(getattr(world, "arms", ()))
         driver = plugin.make(plugin.options.model_validate(options), spec, the_clock, transport)

@@ -18,6 +18,7 @@ from tautwave.runtime.control import Control
 from tautwave.runtime.damping import DampingDriver
 from tautwave.runtime.sensing import LoopBus, Sensing, bus_commands, first_axes
 from tautwave.runtime.timing import Histogram
+from tautwave.traffic import note_leaving
 from tautwave.types import SAFE_COMMAND, Fault
 
 ENABLE_TIMEOUT_S = 10.0
@@ -341,7 +342,8 @@ class Loop:
         very reason to be here.
         """
         buses = self._buses
-        calls = [partial(bus.driver.write, [SAFE_COMMAND] * len(bus.axes)) for bus in buses]
+        calls: list[Callable[[], object]] = [partial(note_leaving, self._clock)]
+        calls += [partial(bus.driver.write, [SAFE_COMMAND] * len(bus.axes)) for bus in buses]
         calls += [partial(bus.driver.disable) for bus in buses]
         calls += [partial(bus.driver.close) for bus in buses]
         for call in calls:

@@ -8,6 +8,7 @@ from typing import Any
 
 from tautwave.contracts import BusSpec, Clock
 from tautwave.errors import BusTimeout, DriverError
+from tautwave.traffic import tapped
 from tautwave.types import Fault
 from tautwave_drivers.adapter import USB_S, set_latency_timer
 from tautwave_drivers.modbus.line.client import wait_on
@@ -99,14 +100,15 @@ class Links:
                 "none; add a simulation block, or name a real endpoint"
             )
         if endpoint.startswith(TCP):
-            return lambda: TcpPort(endpoint)
+            return lambda: tapped(self._bus.name, TcpPort(endpoint), self._clock)
         given_s = options.usb_latency_s
 
-        def open_port() -> SerialPort:
+        def open_port() -> Any:
             note = set_latency_timer(endpoint, USB_S if given_s is None else given_s)
             if note and note not in self.notes:
                 self.notes.append(note)
-            return SerialPort(endpoint, options.baud, options.parity, options.stop_bits)
+            port = SerialPort(endpoint, options.baud, options.parity, options.stop_bits)
+            return tapped(self._bus.name, port, self._clock)
 
         return open_port
 

@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DriverError, SafetyStop
+from tautwave.files import write_text
 from tautwave.reading import digest_of
 from tautwave.rig import bus_ways, real_buses
 from tautwave.rig.ways import Way
 from tautwave.session.acceptance import guides
 from tautwave.session.acceptance.accepted import NEEDED, keep_accepted
-from tautwave.session.acceptance.document import Check, write_sealed
+from tautwave.session.acceptance.document import TRAFFIC, Check, write_sealed
 from tautwave.session.acceptance.motion import motions
 from tautwave.session.checking import bus_budgets
 from tautwave.session.guided.control import GuidedControl
@@ -28,6 +29,7 @@ from tautwave.session.guided.running import (
     run_guided,
 )
 from tautwave.session.running import run as run_rig
+from tautwave.traffic import Traffic, recorded
 
 STAGES = (
     "identity", "hand", "limits", "noise", "watchdog", "motion", "delay", "effort", "gentle", "full"
@@ -35,6 +37,8 @@ STAGES = (
 """In rising risk: nothing has torque in the first three, nothing is commanded up to the fifth."""
 
 GENTLE = 0.1
+TRAFFIC_S = 1.0
+"""How much of each stage's traffic is kept, from its beginning and before its end."""
 
 
 class Acceptance(NamedTuple):
@@ -77,11 +81,13 @@ def accept(
     for stage in asked.stages:
         talk.say(f"-- {stage}")
         try:
-            found = list(_stage(stage, rig, asked, talk, out / stage, ways, said, notes))
+            with recorded(TRAFFIC_S) as traffic:
+                found = list(_stage(stage, rig, asked, talk, out / stage, ways, said, notes))
         except (DriverError, SafetyStop) as err:
             if not checks:
                 raise
             found = [Check(stage, rig.name, {"said": str(err)}, "no fault and no stop", False)]
+        _keep_traffic(out / stage, traffic)
         for check in found:
             numbers = ", ".join(
                 f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
@@ -133,6 +139,12 @@ def _buses(rig: Rig, ways: Ways) -> dict[str, dict[str, Any]]:
         }
         for name, bus in rig.buses.items()
     }
+
+
+def _keep_traffic(folder: Path, traffic: Traffic) -> None:
+    """Write the traffic of a stage, from which `tautwave replay-bus` plays its devices."""
+    if traffic.events and folder.is_dir():
+        write_text(folder / TRAFFIC, "".join(f"{one.line()}\n" for one in traffic.events))
 
 
 def _plain(measured: Mapping[str, float | str]) -> dict[str, float | str | None]:

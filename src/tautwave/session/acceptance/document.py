@@ -16,6 +16,7 @@ from tautwave.files import write_text
 from tautwave.reading import digest_of, read_file
 
 FILE = "acceptance.json"
+TRAFFIC = "traffic.txt"
 LARGEST = 16 * 1024 * 1024
 """Bytes of a document."""
 
@@ -50,7 +51,7 @@ def write_sealed(out: Path, content: dict[str, Any], keys: Path | None, site: st
     content["files"] = {
         str(path.relative_to(out)): digest_of(path)
         for path in sorted(out.rglob("*"))
-        if path.suffix in (".mcap", ".yaml")
+        if path.suffix in (".mcap", ".yaml") or path.name == TRAFFIC
     }
     digest = content_digest(content)
     seal: dict[str, Any] = {"sha256": digest}

@@ -24,13 +24,15 @@ from tautwave.errors import ConfigError
 from tautwave.files import write_text
 from tautwave.reading import read_file
 from tautwave.recordings.recording import read_recording
-from tautwave.session.acceptance.document import FILE, LARGEST, verify
+from tautwave.session.acceptance.document import FILE, LARGEST, TRAFFIC, verify
 
 Format = Literal["tautwave shared acceptance 1"]
 KEEP = ("names", "serial", "paths", "hosts")
 """What is left out unless it is asked for."""
 SPAN_S, MAX_ROWS = 2.0, 100
 """Of each stage, the last seconds, and so many rows of them."""
+MAX_LINES = 1000
+"""Of the traffic of each stage, from its beginning and before its end."""
 ENDINGS = (".position", ".velocity", ".command", ".total", ".effort")
 TIMES = ("lateness_us", "compute_us", ".answer_us")
 SERIAL, PATH, HOST = "<serial>", "<path>", "<host>"
@@ -40,8 +42,8 @@ class Shared(BaseModel):
     """The file: what was tried, on what, what was measured, and how it ended.
 
     `simulated` says that every bus was simulated; `checks` are those of the acceptance, with
-    their measured numbers; `stages` have the times of the loop [us] and the last rows; `rig` is the
-    resolved rig file.
+    their measured numbers; `stages` have the times of the loop [us], the last rows, and lines of
+    traffic; `rig` is the resolved rig file.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -119,6 +121,11 @@ class _Cleaner:
             return None
         return value
 
+    def line(self, line: str) -> str:
+        """Return a line of traffic with its bus numbered; its bytes stay as they are."""
+        at, bus, *rest = line.split()
+        return " ".join([at, self._buses.get(bus, bus), *rest])
+
     def key(self, key: str) -> str:
         """Return a key, or a column's name, with the names in it numbered."""
         return ".".join(self.words.get(part, part) for part in key.split("."))
@@ -163,7 +170,7 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
     }  # fmt: skip
     cleaner = _Cleaner(rig, serials, keep)
     recorded = [one for one in folders if (one / "recording.mcap").is_file()]
-    stages = {one.name: _rows(one, cleaner) for one in recorded}
+    stages = {one.name: {**_rows(one, cleaner), **_traffic(one, cleaner)} for one in recorded}
     return Shared(
         version=content["version"],
         day=content["sealed_utc"][:10],
@@ -211,6 +218,15 @@ def _rows(folder: Path, cleaner: _Cleaner) -> dict[str, Any]:
     ]
     return {"rows": count, "times_us": times, "columns": [cleaner.key(one) for one in wanted],
             "last": rows}  # fmt: skip
+
+
+def _traffic(folder: Path, cleaner: _Cleaner) -> dict[str, list[str]]:
+    """Return the lines of a stage's traffic: the first, and the last."""
+    if not (folder / TRAFFIC).is_file():
+        return {}
+    lines = read_file(folder / TRAFFIC, LARGEST).decode().splitlines()
+    kept = lines if len(lines) <= 2 * MAX_LINES else [*lines[:MAX_LINES], *lines[-MAX_LINES:]]
+    return {"traffic": [cleaner.line(one) for one in kept]}
 
 
 def _short(value: float) -> float | None:
