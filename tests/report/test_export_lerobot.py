@@ -234,6 +234,19 @@ def test_failed_episodes_are_left_out_and_said(tmp_path: Path) -> None:
     assert "1 failed episode left out" in (out / "README.md").read_text()
 
 
+def test_episodes_that_were_recorded_again_are_in_no_export(tmp_path: Path) -> None:
+    run = recorded(tmp_path / "run")
+    summary = json.loads((run / "summary.json").read_text())
+    summary["operation"]["episodes"][0]["discarded"] = True
+    (run / "summary.json").write_text(json.dumps(summary))
+    out = tmp_path / "set"
+    assert export(run, "--task", "x", "--out", out) == (
+        0, f"{out}: 1 episode, 31 frames at 30 fps, 1 episode recorded again left out\n",
+    )  # fmt: skip
+    tables = CliRunner().invoke(main, ["export", str(run), "--out", str(tmp_path / "tables")])
+    assert [Path(one).name for one in tables.output.split()] == ["002-b.csv", "episodes.csv"]
+
+
 def test_a_dataset_without_episodes_is_none(tmp_path: Path) -> None:
     run = recorded(tmp_path / "run", states={4: range(ROWS)}, success=False)
     code, said = export(run, "--missing", "cut", "--out", tmp_path / "set")

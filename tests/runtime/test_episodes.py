@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
+import pytest
+
+from tautwave.errors import ConfigError
 from tautwave.runtime.operate.journal import Journal
-from tests.runtime.operating import STILL, bench, operate
+from tests.runtime.operating import STILL, Operated, bench, operate
 
 
 def test_episodes_are_marked_and_the_last_one_ends_with_the_run() -> None:
@@ -44,3 +49,63 @@ def test_no_episode_begins_where_the_slave_does_not_follow() -> None:
         f"episode: the rig is {state}, so the slave does not follow; engage it first"
         for state in ("idle", "aligning", "clutched", "holding")
     ]
+
+
+# -- recorded again, and by a plan -------------------------------------------------------------
+
+
+def test_again_discards_the_one_that_runs_or_the_last_and_only_once() -> None:
+    script = "0 again\n0 engage\n0.5 episode a\n0.6 again\n0.65 again\n0.7 episode b\n"
+    script += "0.8 success\n0.85 again\n0.9 episode c\n1.0 failed\n"
+    done = operate(bench(STILL), script, 1.1)
+    assert [
+        (one.name, one.end_s, one.success, one.discarded)
+        for one in done.control.journal.episodes
+    ] == [("a", 0.6, None, True), ("b", 0.8, True, True), ("c", 1.0, False, False)]  # fmt: skip
+    refused = [one for one in done.control.journal.entries if one.refused]
+    assert [one.at_s for one in refused] == [0.0, 0.65]
+    assert {one.text for one in refused} == {"episode again: there is none to record again"}
+    assert set(done.columns["operation.episode"]) == {0.0, 1.0, 2.0, 3.0}
+
+
+PLAN = "operate.episodes={count: 3, episode_s: 0.3, reset_s: 0.2, name: pick, task: the red one}"
+
+
+def planned(script: str, duration_s: float = 6.0) -> Operated:
+    return operate(bench(STILL, PLAN), script, duration_s)
+
+
+def test_a_plan_records_its_episodes_and_ends_the_run() -> None:
+    done = planned("0.1 engage")
+    episodes = done.control.journal.episodes
+    engaged = next(one for one in done.control.journal.entries if one.state == "engaged").at_s
+    assert len(episodes) == 3
+    assert {(one.name, one.task) for one in episodes} == {("pick", "the red one")}
+    assert episodes[0].begin_s == pytest.approx(engaged, abs=0.011)
+    for one, following in itertools.pairwise(episodes):
+        assert one.end_s is not None
+        assert one.end_s - one.begin_s == pytest.approx(0.3, abs=0.011)
+        assert following.begin_s - one.end_s == pytest.approx(0.2, abs=0.011)
+    assert done.result.error is None
+    assert done.columns["time_s"][-1] < 3.0  # it did not go on to its 6 s
+
+
+def test_people_end_an_episode_of_a_plan_begin_the_next_and_have_one_again() -> None:
+    """What is recorded again does not count; a rig that holds begins nothing."""
+    script = "0.1 engage\n0.55 success\n0.6 episode now\n0.65 failed\n0.7 again\n1.2 hold\n"
+    done = planned(script + "2.5 engage")
+    first, second, *others = episodes = done.control.journal.episodes
+    assert (first.end_s, first.success) == (0.55, True)
+    assert (second.name, second.discarded) == ("now", True)
+    assert sum(not one.discarded for one in episodes) == 3
+    assert len(others) == 2
+    assert not any(1.2 < one.begin_s < 2.5 for one in others)
+
+
+def test_a_plan_begins_nothing_until_someone_engages() -> None:
+    assert not planned("5.0 stop", 1.0).control.journal.episodes
+
+
+def test_an_episode_of_a_plan_is_not_named_as_an_ending() -> None:
+    with pytest.raises(ConfigError, match="ends an episode; choose another name"):
+        bench("operate.episodes={count: 1, episode_s: 1, name: again}")

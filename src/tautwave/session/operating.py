@@ -23,6 +23,7 @@ from tautwave.runtime.operate.key_device import KeyDevice
 from tautwave.runtime.operate.lead import Lead, Leading, Leads
 from tautwave.runtime.operate.mailbox import Kept
 from tautwave.runtime.operate.operated import OperatedControl
+from tautwave.runtime.operate.plan import EpisodePlan
 from tautwave.runtime.operate.trigger import TriggerLine
 from tautwave.summary import checked
 from tautwave.summary.model import Operation
@@ -100,6 +101,7 @@ def with_operation(
     `link`: a `Joined` of one of two sites; its controller becomes that, operated or not. Errors are
     those of `people_of`.
     """
+    scripts = [*scripts, *_plans(rig)]
     people = people_of(rig, assembly, scripts, live)
     if link is not None:
         from tautwave.session.sites.joining import with_site
@@ -111,6 +113,15 @@ def with_operation(
         if isinstance(source, Watcher):
             source.sees(assembly.control)
     return assembly
+
+
+def _plans(rig: Rig) -> list[EpisodePlan]:
+    """Return the plan of episodes, if any; of two sites the master's follows it."""
+    keys = None if rig.operate is None else rig.operate.episodes
+    if keys is None or rig.site == "slave":
+        return []
+    what = f"{keys.name} {' '.join(keys.task.split())}".strip()
+    return [EpisodePlan(keys.count, keys.episode_s, keys.reset_s, what)]
 
 
 def _with_table(rig: Rig, assembly: Assembly, people: People) -> Assembly:

@@ -15,7 +15,7 @@ from tautwave.clock import MonotonicClock
 from tautwave.config import Rig, resolved_yaml
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.runtime.operate.journal import VERDICTS
+from tautwave.runtime.operate.journal import AGAIN, VERDICTS
 from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.tap import LIVE, Live, Tap
 
@@ -148,8 +148,8 @@ class Session:
         ConfigError
             Its name is not a single word, or is one that ends an episode.
         """
-        if len(name.split()) != 1 or name.strip() in VERDICTS:
-            words = " and ".join(VERDICTS)
+        if len(name.split()) != 1 or name.strip() in (*VERDICTS, AGAIN):
+            words = " and ".join((*VERDICTS, AGAIN))
             raise ConfigError(
                 f"episode {name[:40]!r}: its name must be a single word other than {words}"
             )
@@ -159,6 +159,10 @@ class Session:
         """End the current episode."""
         said = "" if success is None else " success" if success else " failed"
         self._send(f"episode{said}")
+
+    def record_again(self) -> None:
+        """Discard the current episode, or else the last one: it is to be recorded again."""
+        self._send(f"episode {AGAIN}")
 
     def stop(self) -> None:
         """Ramp down and end the run."""

@@ -425,7 +425,10 @@ class Entry(Block):
 
 
 class Episode(Block):
-    """An episode: its number from 1, name, task, times [s], and what was said of it."""
+    """An episode: its number from 1, name, task, times [s], and what was said of it.
+
+    `discarded`: it was to be recorded again.
+    """
 
     number: int
     name: str
@@ -433,6 +436,7 @@ class Episode(Block):
     begin_s: float
     end_s: float
     success: bool | None = None
+    discarded: bool = False
 
 
 class Operation(Block):

@@ -13,7 +13,7 @@ from typing import TextIO
 
 STEP = 0.1
 LOOK_S = 0.2
-KEYS = "space engage/disengage   c clutch   p hold   r rest   e episode   q stop"
+KEYS = "space engage/disengage  c clutch  p hold  r rest  e s f b episode  q stop"
 
 
 def reports(stream: TextIO) -> Iterator[tuple[float, str]]:

@@ -96,7 +96,8 @@ def _operation(summary: Summary) -> Iterator[Sequence[str | Cell]]:
         task = f", {one.task}" if one.task else ""
         span = f"{quantity(one.begin_s, 's', 3)} to {quantity(one.end_s, 's', 3)}"
         name = printable(f"{one.name}{task}", 60)
-        yield f"episode {one.number}", f"{name}: {said_of(one.success)}, {span}"
+        said = said_of(one.success, one.discarded)
+        yield f"episode {one.number}", f"{name}: {said}, {span}"
     for label, chosen in (
         ("faults", [one for one in operation.journal if one.word == "fault"]),
         ("refused", [one for one in operation.journal if one.refused]),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, field_validator
 from pydantic_core import PydanticCustomError
 
-from tautwave.config.keys.common import Block, Positive
+from tautwave.config.keys.common import Block, NonNegative, Positive
 from tautwave.config.keys.key_codes import CODES
 
 
@@ -20,7 +20,9 @@ def _check_key(name: Any) -> Any:
 
 
 KeyName = Annotated[str, BeforeValidator(_check_key)]
-Word = Literal["toggle", "engage", "clutch", "hold", "rest", "stop", "episode"]
+Word = Literal[
+    "toggle", "engage", "clutch", "hold", "rest", "stop", "episode", "success", "failed", "again"
+]  # fmt: skip
 
 
 class KeyDevice(Block):
@@ -73,6 +75,30 @@ class Resting(Block):
     )
 
 
+class Episodes(Block):
+    """Episodes that begin and end by themselves while the rig is engaged, as for a dataset."""
+
+    count: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        description="Episodes to keep; after the last one, and its `reset_s`, the run ends. Those "
+        "that are recorded again do not count."
+    )
+    episode_s: Positive = Field(description="[s] Length of an episode; it may be ended before.")
+    reset_s: NonNegative = Field(
+        default=5.0, description="[s] Between two episodes; the next may be begun before."
+    )
+    name: Annotated[str, Field(pattern=r"^\S{1,60}$")] = Field(
+        default="episode", description="Name of each, a single word."
+    )
+    task: str = Field(default="", max_length=200, description="What is done, for a dataset.")
+
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        if name in ("success", "failed", "again"):
+            raise PydanticCustomError("name", "ends an episode; choose another name")
+        return name
+
+
 class Operate(Resting):
     """A rig that people operate, by keys, a script or a program."""
 
@@ -88,6 +114,10 @@ class Operate(Resting):
     key_devices: Annotated[tuple[KeyDevice, ...], Field(strict=False)] = Field(
         default=(),
         description="HID devices that give commands; one of their keys may be a dead-man switch.",
+    )
+    episodes: Episodes | None = Field(
+        default=None,
+        description="Begins and ends episodes by the clock while the rig is engaged.",
     )
     trigger: Trigger | None = Field(
         default=None, description="Serial-port lines that signal episodes or give a command."

@@ -23,13 +23,17 @@ EPISODE = "operation.episode"
 
 
 class Episode(NamedTuple):
-    """Rows of a run that belong together; `success` is None where it was not said."""
+    """Rows of a run that belong together; `success` is None where it was not said.
+
+    `discarded`: it was recorded again.
+    """
 
     number: int
     name: str
     task: str
     success: bool | None
     rows: slice
+    discarded: bool = False
 
     @property
     def stem(self) -> str:
@@ -63,7 +67,8 @@ def episodes(directory: Path) -> list[Episode]:
             one = stated.get(number, {})
             name = str(one.get("name") or f"episode-{number}")
             task, success = str(one.get("task") or ""), one.get("success")
-            found.append(Episode(number, name, task, success, slice(int(begin), int(end))))
+            rows, discarded = slice(int(begin), int(end)), bool(one.get("discarded"))
+            found.append(Episode(number, name, task, success, rows, discarded))
     return found or [Episode(0, "run", "", None, slice(None))]
 
 

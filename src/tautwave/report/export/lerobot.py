@@ -50,6 +50,7 @@ class LeftOut(NamedTuple):
     missing: int = 0
     outside: int = 0
     failed: int = 0
+    discarded: int = 0
     short: int = 0
 
     def plus(self, **more: int) -> LeftOut:
@@ -61,6 +62,7 @@ class LeftOut(NamedTuple):
             (self.missing, "frame", "without a sample"),
             (self.outside, "frame", "outside `engaged`"),
             (self.failed, "failed episode", ""),
+            (self.discarded, "episode", "recorded again"),
             (self.short, "episode", f"shorter than {SHORTEST_S:g} s"),
         )
         parts = [f"{plural(n, noun)} {why}".strip() for n, noun, why in each if n]
@@ -172,6 +174,9 @@ def _episodes_of(
     recorded = read_recording(run, rows=slice(0, 1)).columns
     columns = [*wanted.columns, *(one for one in (STATE, SCALE) if one in recorded)]
     for episode in episodes(run):
+        if episode.discarded:
+            yield None, {"discarded": 1}
+            continue
         if episode.success is False:
             yield None, {"failed": 1}
             continue

@@ -67,7 +67,8 @@ def export_tables(
         Something cannot be written.
     """
     content = TABLES[to]
-    found = list(episodes(directory))  # before a folder is made for what is not there
+    # before a folder is made for what is not there
+    found = [one for one in episodes(directory) if not one.discarded]
     if out.suffix == f".{to}":
         raise ConfigError(f"{out}: tables go into a directory, one for each episode; name that")
     paths = [out / f"{episode.stem}.{to}" for episode in found]

@@ -23,7 +23,7 @@ def episode_table(run: Run) -> Table:
             str(one.number),
             one.name,
             one.task or "–",
-            said_of(one.success),
+            said_of(one.success, one.discarded),
             quantity(one.begin_s, "s"),
             quantity(one.end_s - one.begin_s, "s"),
         )

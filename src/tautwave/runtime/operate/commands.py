@@ -25,7 +25,12 @@ PAYLOAD = "payload"
 
 WORDS = (*COMMANDS, EPISODE, PAYLOAD)
 TOGGLE = "toggle"
-KEYS = {" ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP}
+ENDINGS = ("success", "failed", "again")
+"""Words that stand for `episode WORD`: how the one that runs ends, or that the last is repeated."""
+KEYS = {
+    " ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP,
+    "s": "success", "f": "failed", "b": "again",
+}  # fmt: skip
 """Keys of the terminal; the space bar engages and disengages."""
 
 LONGEST = 4096
@@ -46,7 +51,12 @@ def unknown(word: str) -> str:
             "not an action: write PAIR=POSITION, with finite positions of the "
             "pairs that the policy drives"
         )
-    return f"unknown; known are {', '.join(WORDS)}"
+    return f"unknown; known are {', '.join((*WORDS, *ENDINGS))}"
+
+
+def in_full(order: Order) -> Order:
+    """Return a command as the journal has it: `success` is `episode success`."""
+    return Order(EPISODE, order.word, order.source) if order.word in ENDINGS else order
 
 
 class Source(Protocol):
@@ -194,10 +204,10 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
     found, problems = [], []
     for number, line, seconds, rest in timed_lines(text):
         word, _, argument = rest.partition(" ")
-        if not 0.0 <= seconds < 1e6 or word not in (*WORDS, LEAD):
+        if not 0.0 <= seconds < 1e6 or word not in (*WORDS, *ENDINGS, LEAD):
             problems.append(
                 f"{name}:{number}: write TIME COMMAND, such as `1.5 engage`; commands are "
-                f"{', '.join(WORDS)} (got {line[:40]!r})"
+                f"{', '.join((*WORDS, *ENDINGS))} (got {line[:40]!r})"
             )
             continue
         found.append((round(seconds * 1e9), Order(word, argument.strip(), "script")))

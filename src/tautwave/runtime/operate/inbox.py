@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from tautwave.runtime.operate.commands import DeadMan, Lamp, Order, Source
+from tautwave.runtime.operate.commands import DeadMan, Lamp, Order, Source, in_full
 
 
 class Inbox:
@@ -38,11 +38,11 @@ class Inbox:
         """Give the commands that are due."""
         now_ns = slot * self._period_ns
         for source in self._scripts:
-            yield from source.take(now_ns)
+            yield from map(in_full, source.take(now_ns))
         if slot >= self._next_look:
             self._next_look = slot + self._look
             for source in self._live:
-                yield from source.take(now_ns)
+                yield from map(in_full, source.take(now_ns))
 
     def loose(self) -> list[str]:
         """Return the names of the dead-man switches that are not held."""

@@ -33,7 +33,10 @@ class Entry(NamedTuple):
 
 
 class Episode(NamedTuple):
-    """One episode: number from 1, name, task, times [s]; `success` None: not said."""
+    """One episode: number from 1, name, task, times [s]; `success` None: not said.
+
+    `discarded`: it was to be recorded again.
+    """
 
     number: int
     name: str
@@ -41,13 +44,18 @@ class Episode(NamedTuple):
     begin_s: float
     end_s: float | None = None
     success: bool | None = None
+    discarded: bool = False
 
 
 VERDICTS = {"success": True, "failed": False}
+AGAIN = "again"
+"""Discards the episode that runs, or else the last one, which is to be recorded again."""
 
 
-def said_of(success: bool | None) -> str:
+def said_of(success: bool | None, discarded: bool = False) -> str:
     """Return what was said of an episode."""
+    if discarded:
+        return "to be recorded again"
     return "not said" if success is None else "success" if success else "failed"
 
 
@@ -84,6 +92,10 @@ class Journal:
         Two people may press the same button: the second one must not undo what the first one did.
         Outside `engaged` the slave does not follow, so nothing can be demonstrated.
         """
+        if argument == AGAIN:
+            if not self.episodes or self.episodes[-1].discarded:
+                return "episode again: there is none to record again"
+            return ""
         verdict = argument in VERDICTS
         if verdict and not self.running:
             return f"episode {argument}: no episode is running"
@@ -96,8 +108,13 @@ class Journal:
     def mark(self, at_s: float, argument: str) -> str:
         """Begin an episode, named by the first word of `argument`, or end the one that runs.
 
-        At the end `argument` says `success` or `failed`.
+        At the end `argument` says `success` or `failed`; `again` discards it, also afterwards.
         """
+        if argument == AGAIN:
+            last = self.episodes[-1]
+            end_s = at_s if last.end_s is None else last.end_s
+            self.episodes[-1] = last._replace(end_s=end_s, discarded=True)
+            return f"episode {last.number} discarded, to be recorded again"
         if not self.running:
             name, _, task = argument.partition(" ")
             number = len(self.episodes) + 1
