@@ -112,11 +112,15 @@ class Motor:
             self.fail(TIMED_OUT)
 
     def pass_slot(self) -> None:
-        """Move by one slot, unless it is held."""
+        """Move by one slot, unless it is held; `settle` follows, when all joints have moved."""
         self._measured = None
+        if self.free:
+            self.axis.pass_slot()
+
+    def settle(self) -> None:
+        """Heat up by a slot, and act where the axis has come to."""
         if not self.free:
             return
-        self.axis.pass_slot()
         share = self.torque / self.registers[r.T_MAX]
         goal = AMBIENT + HOTTER * self.quirks.heat * share * share
         self.rotor_c += (goal - self.rotor_c) * min(1.0, self._period / HEAT_S)

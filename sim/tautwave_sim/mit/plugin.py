@@ -15,4 +15,5 @@ simulator = can_plugin(
     summary="MIT motors (Damiao) on CAN and CAN FD, with wire time",
     bench_options=MitBench,
     bench=bench,
+    arms=True,
 )

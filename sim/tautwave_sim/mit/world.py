@@ -14,7 +14,7 @@ from functools import partial
 
 from tautwave.contracts import BusSpec
 from tautwave.truth import AxisModel
-from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.axis import SimulatedAxis, join_arms
 from tautwave_sim.mit.motor import ON, Motor
 from tautwave_sim.mit.options import Quirks, SimulatedMitOptions
 from tautwave_sim.wire.can_world import CanWorld, Planned, listed, wire_of
@@ -58,6 +58,7 @@ class MotorBus(CanWorld):
             self.axes.append(motor.axis)
             motor.free = motor.axis.in_hand
             self._befalls(at, _planned_faults(motor, quirks))
+        self.arms = join_arms(self.axes, truths)
 
     # -- events ---------------------------------------------------------------------------
 
@@ -86,6 +87,8 @@ class MotorBus(CanWorld):
             self._slot += 1
             for motor in self.motors:
                 motor.pass_slot()
+            for motor in self.motors:
+                motor.settle()
 
     def _hear(self, at: int, now_ns: int, can_id: int, data: bytes) -> None:
         motor = self.motors[at]

@@ -43,6 +43,7 @@ class CanSimulator:
     ) -> None:
         self.world = make(options, bus, physics, clock.now_ns())
         self.axes = self.world.axes
+        self.arms = self.world.arms
         depth = options.simulator.queue
         self.transport: MasterPort
         if getattr(clock, "real", False):

@@ -38,10 +38,13 @@ class CanWorld(ABC):
         Its devices use identifiers of 29 bits.
     axes : sequence
         What the devices move, in the order of the bus' axes.
+    arms : sequence
+        The arms whose joints these axes are.
     """
 
     extended = False
     axes: Sequence[Any] = ()
+    arms: Sequence[Any] = ()
 
     def __init__(self, timing: CanTiming, plan: CanFaultPlan, period_ns: int, now_ns: int) -> None:
         self.plan = plan

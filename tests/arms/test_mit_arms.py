@@ -1,0 +1,54 @@
+"""Arms whose joints are MIT motors: joined in the simulator, and the ready pair of six joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tautwave.certificate.verdict import certify
+from tautwave.config import load_rig
+from tests.rigs.running import books, run_rig
+
+RIG = Path(__file__).parents[2] / "configs" / "arms" / "six-mit.yaml"
+JOINTS = ("j1", "j2", "j3", "j4", "j5", "j6")
+
+
+@pytest.mark.slow
+def test_the_joints_of_a_side_are_one_arm() -> None:
+    """Its books are an arm's: what the joints gave is in its motion and its height."""
+    run = run_rig(load_rig(RIG), duration_s=0.2)
+    for side in ("master", "slave"):
+        given, kinetic, height = (
+            run[f"arm.{side}.{what}"] for what in ("work", "kinetic", "potential")
+        )
+        assert np.ptp(given) > 1e-6
+        assert np.abs(given - kinetic - height).max() < 1e-4 * np.ptp(given) + 1e-7
+
+
+@pytest.mark.slow
+def test_the_pair_is_certified_with_its_wall_and_its_damper() -> None:
+    found = certify(load_rig(RIG), brief=True)
+    assert found.passed
+    (wall,) = (one for one in found.elements if one.kind == "wall")
+    # 0.03 N m s/rad alone bear 2 b / 3 T, its command a period late.
+    assert wall.numbers["passive_stiffness"] > 3.0 * 2.0 * 0.03 / 3e-3
+    assert wall.passive.passed
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_the_follower_goes_where_the_leader_does_and_carries_itself() -> None:
+    run = run_rig(load_rig(RIG), duration_s=4.0)
+    engaged = run["time_s"] > 1.2
+    for joint in JOINTS:
+        found = books(run, joint)
+        assert found.residual < 1e-9 * max(found.gross_flow, 1e-3)
+        assert found.plant_residual < 1e-9 * max(found.plant_flow, 1e-3)
+        error = run[f"{joint}.position_error"][engaged]
+        if joint != "j5":  # which is held by its wall
+            assert np.sqrt(np.mean(error**2)) < 1.5e-3
+    assert run["slave.j5.wall_effort"].max() > 0.3
+    assert 0.25 < run["true.slave.j5.position"].max() < 0.35
+    assert run["slave.j5.damper_least"][-1] > 0.0
