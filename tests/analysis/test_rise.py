@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.analysis.claim import NOTHING
 from tautwave.analysis.rise import (
     ACCURACY,
-    NOTHING,
     Floats,
     Rise,
     clipped_potential,

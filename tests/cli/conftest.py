@@ -82,6 +82,8 @@ class Backend:
             facts=[("rate", "1000 Hz"), ("pair wrist", "50 ms, 50 samples")],
             pairs=[("wrist", "50 ms", "2.5 rad/(N m)", "98% of the effort")],
             claims=[],
+            ways={},
+            improvement=None,
             allowance=[],
             axes=[("master.wrist", "hand 1", "effort", "1 N m", "no step", "none")],
             failures=[],

@@ -116,4 +116,4 @@ def test_receivers_are_part_of_what_the_pair_may_owe() -> None:
 
 def test_the_page_has_a_line_for_it() -> None:
     topics = [verdict.topic for verdict in verdicts(run())]
-    assert topics[:3] == ["Energy books", "Tracking", "Link"]
+    assert topics[:3] == ["Tracking", "Link", "Energy books"]

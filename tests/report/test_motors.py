@@ -100,7 +100,7 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
     assert isinstance(row[1], Cell)
     assert row[1].style == BAD
     assert "exceeded" in row[2].text  # type: ignore[union-attr]
-    books = verdicts(run)[0]
+    [books] = [one for one in verdicts(run) if one.topic == "Energy books"]
     assert books.status == "bad"
     assert any("more than the" in sentence for sentence in books.sentences)
 
@@ -147,5 +147,6 @@ def test_books_close_as_far_as_doubles_can(
     energy = {"gross_flow": gross, "residual": residual, "generated": 0.0}
     pairs = {"a": {"elements": {"line": {"held": held}}}}
     summary = {"energy_j": energy, "pairs": pairs, "cycles": 1_000_000}
-    found = verdicts(Run(Path(), {}, "", summary_of(summary)[0]))[0]
-    assert (found.topic, found.status) == ("Energy books", status)
+    run = Run(Path(), {}, "", summary_of(summary)[0])
+    [found] = [one for one in verdicts(run) if one.topic == "Energy books"]
+    assert found.status == status

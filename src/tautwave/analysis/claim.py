@@ -55,6 +55,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+NOTHING = 1e-12
+"""[J] Less than this is nothing, also where nothing moved."""
+
 DEVIATIONS = 5.0
 """z of the martingale term: one end in millions exceeds it."""
 

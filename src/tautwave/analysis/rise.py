@@ -28,6 +28,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.analysis.claim import NOTHING
+
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
@@ -40,9 +42,6 @@ deviates by sqrt(3 / n) of itself; three times that are left open where it is mo
 
 ROUNDING = 1e-12
 """Of all that passed to and fro: sums of doubles are no better."""
-
-NOTHING = 1e-12
-"""[J] Less than this is nothing, also where nothing moved."""
 
 LASTING = 0.25
 """Of the seconds: a coupling that generates in more of them goes on."""

@@ -22,12 +22,12 @@ from tautwave.files import create, reason
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see `tautwave.session.certified`
 
-COMMANDS = (
-    "example", "new", "calibrate", "accept", "replay-bus", "doctor", "run", "trials", "view", "ros",
-    "check",
-    "sim", "scan", "sweep", "identify", "report", "export", "drivers", "bench",
-    "compile", "keys", "link",
+DAILY = (
+    "example", "new", "check", "run", "view", "scan", "sim", "calibrate", "accept", "identify",
+    "report", "export", "sweep", "doctor",
 )  # fmt: skip
+MORE = ("trials", "ros", "replay-bus", "drivers", "bench", "compile", "keys", "link")
+COMMANDS = DAILY + MORE
 MODULES = {
     "keys": "sites",
     "link": "sites",
@@ -85,6 +85,15 @@ class Commands(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names in the order in which a user needs them."""
         return [name for name in COMMANDS if name != "bench" or _has_bench()]
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands of a day's work, then the others."""
+        known = self.list_commands(ctx)
+        for heading, names in (("Daily", DAILY), ("More", MORE)):
+            found = [(name, self.get_command(ctx, name)) for name in names if name in known]
+            rows = [(name, one.get_short_help_str(60)) for name, one in found if one is not None]
+            with formatter.section(heading):
+                formatter.write_dl(rows)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module; None if there is no such command."""

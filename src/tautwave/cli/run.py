@@ -64,6 +64,12 @@ from tautwave.runtime.interrupts import interrupts
 )
 @click.option("--quiet", is_flag=True, help="Print only the summary at the end.")
 @click.option(
+    "--verbose",
+    "-v",
+    is_flag=True,
+    help="Print all numbers at the end: books, timing, every pair, elements left out, files.",
+)
+@click.option(
     "--allow-tuning",
     is_flag=True,
     help="Allow anyone with the page's token to change tunable parameters.",
@@ -94,6 +100,7 @@ def run(
     commands: str | None,
     end_with_input: bool,
     quiet: bool,
+    verbose: bool,
     view: bool,
     allow_tuning: bool,
     play: bool,
@@ -179,7 +186,16 @@ def run(
             heard.stay_deaf()
     summary = result.summary
     with unheard(sys.stdout):
-        show(summary_sections(loaded.name, summary, result.directory, result.exit_code, draw_later))
+        show(
+            summary_sections(
+                loaded.name,
+                summary,
+                result.directory,
+                result.exit_code,
+                draw_later,
+                verbose=verbose,
+            )
+        )
     played = _played(result.directory) if play else ""
     with unheard(sys.stderr):
         if played:

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tautwave.analysis.claim import Stated
-from tautwave.analysis.rise import NOTHING, Rise, surplus_of
+from tautwave.analysis.claim import NOTHING, Stated
+from tautwave.analysis.rise import Rise, surplus_of
 from tautwave.report.claims import ROUNDING
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.motors import motion

@@ -16,7 +16,7 @@ from tautwave.cli.terminal.screen import (
     line_count,
     spanned,
 )
-from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, verdict
+from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, plain_lines, verdict
 
 AXIS_HEADS = ("axis", ">takes", ">velocity", ">prompt", ">stall", ">dead host", "claim")
 """Of an axis: what it may supply while its host is prompt, in one stall, and by a dead host."""
@@ -60,18 +60,34 @@ def short_sections(name: str, result: Any, last: Sequence[Section], command: str
         ]
         if line_count(found) <= LINES:
             break
-    return [_without_empty(section) for section in found]
+    return [found[0], _narrow(found[1]), *found[2:]]
 
 
-def _without_empty(section: Section) -> Section:
-    """Return a table without columns of dashes."""
-    if section.columns != AXIS_HEADS:
-        return section
-    kept = [
-        at for at in range(len(AXIS_HEADS)) if at < 2 or any(row[at] != "-" for row in section.rows)
-    ]
-    rows = [[row[at] for at in kept] for row in section.rows]
-    return Section(section.title, [AXIS_HEADS[at] for at in kept], rows)
+def _narrow(axes: Section) -> Section:
+    """Return the table of axes without columns of dashes; if too wide, without velocities too.
+
+    If that is not enough, the names of many joints are their number.
+    """
+    kept = [at for at in range(len(AXIS_HEADS)) if any(row[at] != "-" for row in axes.rows)]
+    table = _columns(axes, kept)
+    if _too_wide(table):
+        table = _columns(axes, [at for at in kept if AXIS_HEADS[at] != ">velocity"])
+    if _too_wide(table):
+        rows = [[_MANY.sub(r"\1: \2 axes", str(row[0])), *row[1:]] for row in table.rows]
+        table = table._replace(rows=rows)
+    return table
+
+
+def _too_wide(table: Section) -> bool:
+    return max(map(len, plain_lines(table)), default=0) > COLUMNS
+
+
+_MANY = re.compile(r"(\w+)\.\S+ to \S+ \((\d+)\)")
+
+
+def _columns(table: Section, kept: Sequence[int]) -> Section:
+    rows = [[row[at] for at in kept] for row in table.rows]
+    return Section(table.title, [table.columns[at] for at in kept], rows)
 
 
 def _facts(result: Any) -> Iterator[Fact]:
@@ -244,9 +260,9 @@ def _advice(result: Any, room: Room, command: str) -> Iterator[tuple[str | Cell,
         text = f"{on.removeprefix('hint on ')}: {text}"
     yield "improve", folded("improve", text, ADVICE, room.lines)
     if best.change:
-        typed = f"{command} --set {best.change}"
-        fits = len(typed) <= COLUMNS - ADVICE - 4
-        yield "", typed if fits else f"tautwave check RIG --set {best.change}"
+        typed = (f"{one} --set {best.change}" for one in (command, "tautwave check RIG"))
+        fit = (one for one in typed if len(one) <= COLUMNS - ADVICE - 4)
+        yield "", next(fit, f"--set {best.change}")
 
 
 ADVICE = len("improve")

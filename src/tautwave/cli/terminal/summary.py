@@ -5,38 +5,47 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from tautwave.cli.terminal.screen import axes_named, folded, spanned
 from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, printable, verdict
+from tautwave.report.books import books_closed
 from tautwave.report.calm import UNCALM, worst_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
 from tautwave.report.units import axis_units, count, microseconds, plural, quantity, ratio
 from tautwave.runtime.operate.journal import said_of
 from tautwave.summary import Summary
-from tautwave.summary.ending import generated, outcome
+from tautwave.summary.ending import eventful, events, first_cause, generated, outcome
 from tautwave.summary.model import Certificate, Pair
 
 PAGE = "report.html"
 FILES = (PAGE, "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
 
 
-MAX_LEFT_OUT = 20
-"""Rows of what was left out that are shown."""
+MAX_PAIRS, MAX_DEVICES, MAX_NOTES = 4, 3, 3
+"""Rows of pairs and of devices, and warnings, that one screen has room for."""
 
 LINK_HEADS = ("", ">lost", ">delay p50", ">p99", ">owed at most", ">energy short", ">held")
+TRACKING_HEADS = ("", ">position rms", ">max", ">effort rms", ">max", ">above 8 Hz")
 
 
 def summary_sections(
-    name: str, summary: Summary, directory: Path, exit_code: int, drawing: bool = False
+    name: str,
+    summary: Summary,
+    directory: Path,
+    exit_code: int,
+    drawing: bool = False,
+    *,
+    verbose: bool = True,
 ) -> list[Section]:
-    """Outcome, tracking, books, timing, devices, elements left out, and paths of the files.
+    """Return what a terminal says of a run.
 
+    Outcome and what happened, tracking, devices, whether claims, certificate and books hold, and
+    the report's path: one screen. `verbose`: books, timing, elements left out and all files too.
     `drawing`: another process is about to draw the report.
     """
+    if not verbose:
+        return _screen(name, summary, directory, exit_code, drawing)
     motion = [
-        Section(
-            "Tracking",
-            ("", ">position rms", ">max", ">effort rms", ">max", ">above 8 Hz"),
-            list(_tracking(summary)),
-        ),
+        Section("Tracking", TRACKING_HEADS, list(_tracking(summary))),
         Section("Link", LINK_HEADS, list(_link(summary))),
         Section("Energy books", ("", ">", ""), list(_books(summary))),
         Section("Timing", ("", ">p50", ">p99", ">p99.9", ">max"), list(_timing(summary))),
@@ -52,6 +61,120 @@ def summary_sections(
         Section("Unused elements", ("", ""), list(_left_out(summary))),
         Section("Files", ("",), list(_files(summary, directory, drawing))),
     ]
+
+
+def _screen(
+    name: str, summary: Summary, directory: Path, exit_code: int, drawing: bool
+) -> list[Section]:
+    head = _headline(name, summary, exit_code)
+    notes = list(head.rows)
+    if len(notes) > MAX_NOTES:
+        more = Cell(f"and {len(notes) - MAX_NOTES} more: --verbose", FAINT)
+        head = head._replace(rows=[*notes[:MAX_NOTES], (more,)])
+    tracking = list(_tracking(summary))
+    if len(tracking) > MAX_PAIRS:
+        tracking = list(_greatest(summary))
+    devices = list(_devices(summary))
+    if len(devices) > MAX_DEVICES:
+        rest = f"and {len(devices) - MAX_DEVICES} more: --verbose"
+        devices = [*devices[:MAX_DEVICES], (rest, "", "", "")]
+    began = summary.cycles != 0
+    return [
+        head,
+        Section("", TRACKING_HEADS, tracking if began else []),
+        Section("", LINK_HEADS, list(_link(summary))[:MAX_PAIRS] if began else []),
+        Section("", ("device", ">lost", ">late", "faults"), devices),
+        Section("", ("", ""), [*(_judged(summary) if began else ()), *_silent(summary)]),
+        Section("", ("",), list(_page(summary, directory, drawing))),
+    ]
+
+
+def _greatest(summary: Summary) -> Iterator[Sequence[str | Cell]]:
+    """Yield a row for all pairs of a kind, with the greatest of each number."""
+    for kind in ("rotary", "linear"):
+        chosen = {n: one for n, one in summary.pairs.items() if (one.kind or "rotary") == kind}
+        if not chosen:
+            continue
+        position, effort = axis_units(kind)
+        row: list[str | Cell] = [spanned(list(chosen))]
+        for key, unit in (("position_error", position), ("effort_error", effort)):
+            sizes = [one for pair in chosen.values() if (one := getattr(pair, key)) is not None]
+            for part in ("rms", "max"):
+                values = [value for one in sizes if (value := getattr(one, part)) is not None]
+                row.append(f"<= {quantity(max(values), unit, 3)}" if values else "-")
+        shares = [found[1] for one in chosen.values() if (found := worst_share(one.fast_share))]
+        text = f"<= {100.0 * max(shares):.0f} %" if shares else "-"
+        yield (*row, Cell(text, BAD) if shares and max(shares) > UNCALM else text)
+
+
+def _judged(summary: Summary) -> Iterator[Sequence[str | Cell]]:
+    """Yield whether claims were kept, what became of the certificate, and whether books closed."""
+    yield from _did(summary)
+    ends = list(kept_claims(summary))
+    if ends:
+        broken = any(end.passed is False for end in ends)
+        yield "claims", Cell(f"not kept: {claims_sentence(ends)}", BAD) if broken else KEPT
+    flow = summary.energy_j.gross_flow or 0.0
+    for name, pair in summary.pairs.items():
+        motors = pair.motors
+        if motors is not None and exceeds(motors, flow, blows_of(summary, name)):
+            text = f"{name}: {quantity(motors.worst, 'J', 3)}, more than its ports claim"
+            yield "motors gave", Cell(text, BAD)
+    certificate = summary.certificate
+    says = _after_run(certificate)
+    yield "certificate", Cell(f"{certificate.require.replace('_', ' ')}: {says.text}", says.style)
+    above = set(generated(summary))
+    notes = [one for one in _certificate_notes(certificate) if one not in above]
+    for sentence in notes[:MAX_NOTES]:
+        yield "", Cell(folded("certificate", sentence, ADVICE), BAD)
+    closed = books_closed(summary)
+    if closed is not None:
+        found = quantity(summary.energy_j.residual, "J", 3)
+        yield "energy books", CLOSED if closed else Cell(f"not closed: {found} are missing", BAD)
+    late = summary.lateness_us
+    if summary.clock != "fake" and late.p99 is not None:
+        text = f"99 % of the cycles at most {microseconds(late.p99, 3)} late"
+        yield "timing", f"{text}, the latest {microseconds(late.max, 3)}"
+
+
+def _did(summary: Summary) -> Iterator[Sequence[str | Cell]]:
+    """Yield episodes, several of them counted, and what was refused."""
+    operation = summary.operation
+    if operation is None:
+        return
+    rows = [row for row in _operation(summary) if row[0] not in ("engaged", "faults")]
+    if len(operation.episodes) > MAX_EPISODES:
+        said = [said_of(one.success) for one in operation.episodes]
+        kinds = ", ".join(f"{said.count(one)} {one}" for one in dict.fromkeys(said))
+        yield "episodes", f"{len(said)}: {kinds}"
+        rows = [row for row in rows if not str(row[0]).startswith("episode")]
+    yield from rows
+
+
+MAX_EPISODES = 2
+"""Episodes that are shown one by one."""
+
+KEPT, CLOSED = Cell("kept", GOOD), Cell("closed", GOOD)
+ADVICE = len("energy books")
+
+
+def _silent(summary: Summary) -> Iterator[Sequence[str | Cell]]:
+    """Yield devices without a watchdog, by what they do, once for all that do the same."""
+    same: dict[str, list[str]] = {}
+    for bus in summary.buses.values():
+        for name, does in bus.unwatched.items():
+            same.setdefault(does, []).append(name)
+    for does, names in same.items():
+        text = f"{axes_named(names)}: {does}"
+        yield "no watchdog", Cell(folded("no watchdog", text, ADVICE, 4), NOTE)
+
+
+def _page(summary: Summary, directory: Path, drawing: bool) -> Iterator[Sequence[str | Cell]]:
+    """Yield the first file that shows a person the run, and where the others are."""
+    files = list(_files(summary, directory, drawing))
+    if files:
+        yield files[0]
+        yield (Cell(f"{directory} has all files; --verbose shows all numbers.", FAINT),)
 
 
 def _files(summary: Summary, directory: Path, drawing: bool) -> Iterator[Sequence[str | Cell]]:
@@ -73,7 +196,10 @@ def _headline(name: str, summary: Summary, exit_code: int) -> Section:
         parts.append(f"{count(summary.missed_cycles)} missed")
     if summary.wall_time_s is not None:
         parts.append(f"in {quantity(summary.wall_time_s, 's', 3)}")
+    parts += events(summary)
     notes: list[str | Cell] = [sentence] if sentence else []
+    if first := first_cause(summary):
+        notes.append(Cell(f"First: {first}", NOTE))
     notes += [Cell(one, BAD) for one in generated(summary)]
     notes += [Cell(one, NOTE) for one in summary.warnings]
     lost, unreported = summary.incomplete or "", summary.report_error or ""
@@ -81,7 +207,8 @@ def _headline(name: str, summary: Summary, exit_code: int) -> Section:
         notes.append(Cell(f"{unreported}.", BAD))
     if lost:
         notes.append(Cell(f"{lost[0].upper()}{lost[1:]}.", BAD))
-    style = f"bold {NOTE if word == 'interrupted' else GOOD}" if exit_code == 0 else BAD
+    good = word != "interrupted" and not eventful(summary)
+    style = f"bold {GOOD if good else NOTE}" if exit_code == 0 else BAD
     return Section(", ".join(parts), ("",), [(note,) for note in notes], style)
 
 
@@ -110,11 +237,8 @@ def _operation(summary: Summary) -> Iterator[Sequence[str | Cell]]:
 
 
 def _left_out(summary: Summary) -> Iterator[Sequence[str]]:
-    """Yield what was left out, or how much where it is more than a screen has room for."""
-    if len(summary.left_out) <= MAX_LEFT_OUT:
-        yield from ((one.element, one.reason) for one in summary.left_out)
-    else:
-        yield f"{count(len(summary.left_out))} elements", "the report lists them"
+    """Yield what was left out."""
+    yield from ((one.element, one.reason) for one in summary.left_out)
 
 
 def _tracking(summary: Summary) -> Iterator[Sequence[str | Cell]]:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tautwave.canvas import BAND, EDGE, FILTER, INK, LIMIT, element_style, heading, legend, panels
+from tautwave.report.books import CLOSED
 from tautwave.report.figures.canvas import draw, label_of
 from tautwave.report.figures.envelope import Floats, Trace, peak, spread, trace
 from tautwave.report.run.rebuild import periods_us
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.verdicts import CLOSED
 from tautwave.report.run.views import EnergyView
 from tautwave.report.units import count, quantity, scale_for
 

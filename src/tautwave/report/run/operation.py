@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.tables import Table
 from tautwave.report.units import count, plural, quantity
 from tautwave.runtime.operate.journal import said_of
-from tautwave.summary.model import Operation
+from tautwave.summary.model import Entry, Operation
 
 MOST = 60
 """Entries of the journal that a page has; summary.json has all."""
@@ -35,19 +37,51 @@ def episode_table(run: Run) -> Table:
 def journal_table(run: Run) -> Table:
     """Return what was asked, what followed, and why not."""
     operation = _operation(run)
-    entries = operation.journal
+    entries = collapsed(operation.journal)
     rows = tuple(
         (
             quantity(one.at_s, "s"),
             one.word,
             one.source,
             "refused" if one.refused else one.state,
-            one.text or "–",
+            f"{one.text or '–'}{_again(times, last)}",
         )
-        for one in entries[:MOST]
+        for one, times, last in entries[:MOST]
     )
     times = plural(operation.engagements, "time")
     note = f"Engaged {times}, {quantity(operation.engaged_s, 's')} in all."
     if len(entries) > MOST:
-        note += f" The first {MOST} of {count(len(entries))} entries; summary.json has all."
+        note += (
+            f" The first {MOST} of {count(len(entries))} kinds of entries; summary.json has all."
+        )
     return Table("Journal", ("at", "", "from", "then", ""), rows, note)
+
+
+Repeated = tuple[Entry, int, float]
+"""An entry, how often it came, and when last [s]."""
+
+
+def collapsed(entries: Sequence[Entry]) -> list[Repeated]:
+    """Return entries with repeats as one, where the first of them was.
+
+    Faults and refusals count as repeats wherever they come, everything else where nothing is left
+    between.
+    """
+    found: dict[int, list[Entry]] = {}
+    places: dict[tuple[object, ...], int] = {}
+    last: tuple[object, ...] = ()
+    for one in entries:
+        key = (one.word, one.source, one.state, one.text, one.refused)
+        event = one.severity == "note"
+        if key in places and (event or key == last):
+            found[places[key]].append(one)
+        else:
+            places[key] = len(found)
+            found[places[key]] = [one]
+        if not event:
+            last = key
+    return [(same[0], len(same), same[-1].at_s) for same in found.values()]
+
+
+def _again(times: int, last: float) -> str:
+    return f" (x {count(times)}, last {quantity(last, 's')})" if times > 1 else ""

@@ -25,6 +25,7 @@ from tautwave.report.run.parts import Part, Picture, certificate_picture, pair_p
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import outcome, uncertified, verdicts
 from tautwave.report.units import plural, quantity
+from tautwave.summary.ending import events
 from tautwave.summary.markup import Markup
 
 PAGE = "report.html"
@@ -163,6 +164,7 @@ def _subtitle(run: Run) -> str:
     if run.rate_hz == run.rate_hz:
         parts.append(quantity(run.rate_hz, "Hz"))
     parts.append("a scene" if run.ports else plural(len(run.pairs), "pair"))
+    parts += events(summary)
     clock = summary.clock
     if clock:
         parts.append("simulated clock" if clock == "fake" else f"{clock} clock")

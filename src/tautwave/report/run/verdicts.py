@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from tautwave.analysis.rise import NOTHING
+from tautwave.report.books import CLOSED, books_closed
 from tautwave.report.calm import unrest
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
 from tautwave.report.link import link_sentences
@@ -27,13 +27,8 @@ from tautwave.report.units import (
     quantity,
     ratio,
 )
+from tautwave.summary.ending import eventful, events, first_cause
 from tautwave.summary.model import Certificate, Certified, Energy, Severity, Size
-
-CLOSED = 1e-9
-"""Residual over gross flow up to which the books count as closed."""
-
-EPSILON = 2.3e-16
-"""Of the greatest energy held, what rounding may cost in a cycle."""
 
 
 class Verdict(NamedTuple):
@@ -50,16 +45,29 @@ _STATES: dict[str, str] = {"failed": "not passed", "not evaluated": "not yet eva
 def outcome(run: Run) -> Verdict:
     """How the run ended; `topic` is the badge's text."""
     ended = run.result.outcome
-    return Verdict(ended.label, ended.severity, (ended.sentence,) if ended.sentence else ())
+    status = ended.severity
+    if status == "ok" and eventful(run.result):
+        status = "note"
+    return Verdict(ended.label, status, (ended.sentence,) if ended.sentence else ())
 
 
 def verdicts(run: Run) -> list[Verdict]:
-    """Books, tracking, link, timing and certificate; the last alone without a cycle."""
+    """Tracking, what happened, link, books, timing and certificate; the last without a cycle."""
     if not run.began:
         return [_certificate(run)]
     said, felt = link_sentences(run)
     link = [Verdict("Link", "note" if felt else "ok", tuple(said))] if said else []
-    return [_books(run), _tracking(run), *link, _timing(run), _certificate(run)]
+    return [_tracking(run), *_events(run), *link, _books(run), _timing(run), _certificate(run)]
+
+
+def _events(run: Run) -> list[Verdict]:
+    """What happened on the way: nothing, or how often, and the first of it."""
+    found = events(run.result)
+    if not found:
+        return []
+    first = first_cause(run.result)
+    sentences = (f"{', '.join(found).capitalize()}.", *([f"First: {first}"] if first else ()))
+    return [Verdict("What happened", "note" if eventful(run.result) else "info", sentences)]
 
 
 def _books(run: Run) -> Verdict:
@@ -70,7 +78,7 @@ def _books(run: Run) -> Verdict:
     if gross is None or residual is None:
         return Verdict("Energy books", "open", (f"Residual and gross flow: {MISSING}.",))
     sentences = []
-    closed = abs(residual) <= books_limit(run, gross)  # NaN is not closed
+    closed = books_closed(run.result)
     status: Severity = "ok" if closed else "bad"
     said = f"{'Closed' if closed else 'Not closed'}: residual {quantity(residual, 'J', 3)}"
     if gross == 0.0:
@@ -88,19 +96,6 @@ def _books(run: Run) -> Verdict:
     if gap is not None:
         sentences.append(f"Sensing gap (measured against true ports): {quantity(gap, 'J')}.")
     return Verdict("Energy books", status, tuple(sentences))
-
-
-def books_limit(run: Run, gross: float) -> float:
-    """Return the residual up to which books count as closed [J].
-
-    A share of what flowed; where hardly anything moved, what rounding makes of the energies held.
-    """
-    held = 0.0
-    for pair in run.pairs:
-        for element in run.result_of(pair).elements.values():
-            held = max(held, element.held or 0.0)
-    cycles = run.result.cycles or 0
-    return max(CLOSED * gross, NOTHING, EPSILON * held * cycles)
 
 
 def _given(run: Run, energy: Energy) -> tuple[list[str], bool]:
