@@ -89,7 +89,7 @@ def test_version(tautwave_cli: Cli) -> None:
     [
         (["chek", "rig.yaml"], "Did you mean 'check'?"),
         (["rum"], "Did you mean 'run'?"),
-        (["zzz"], "There are example, new, calibrate, accept, doctor, run, trials"),
+        (["zzz"], "There are example, new, check, run, view, scan, sim"),
         (["run", "rig.yaml", "--duratoin", "1"], "--duration"),
         (["run", "rig.yaml", "--clock", "fast"], "'real', 'fake'"),
         (["run", "rig.yaml", "--duration", "nan"], "finite number above 0"),
