@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import math
 from pathlib import Path
@@ -42,6 +43,16 @@ def test_a_cycle_of_milliseconds_is_said_in_milliseconds():
 
 def chosen(clock="real", *overrides):
     return choose_engine(load_rig(GRANULAR, overrides), clock)
+
+
+def test_what_is_alive_is_looked_through_once_for_all_rounds(monkeypatch):
+    """Objects that are frozen cost the collections of later rounds nothing."""
+    freezes = []
+    monkeypatch.setattr(gc, "freeze", lambda freeze=gc.freeze: (freezes.append(1), freeze()))
+    monkeypatch.setattr(scene_pace, "CYCLES", 3)
+    assert scene_pace.scene_pace(load_rig(GRANULAR)).cycle_s > 0.0
+    assert len(freezes) == 1
+    assert gc.get_freeze_count() == 0
 
 
 def test_plain_python_where_it_keeps_the_rate_compiled_steps_where_not(costs):
