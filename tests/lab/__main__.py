@@ -4,6 +4,7 @@ from tests.lab.command import lab
 from tests.lab.feel import feel
 from tests.lab.motor_walls import motor_walls
 from tests.lab.papers.command import papers
+from tests.lab.recovery import recovery
 from tests.lab.renamed import renamed
 from tests.lab.soak import soak
 from tests.lab.springs import springs
@@ -13,6 +14,7 @@ from tests.lab.waiting import waiting
 lab.add_command(feel)
 lab.add_command(motor_walls)
 lab.add_command(papers)
+lab.add_command(recovery)
 lab.add_command(renamed)
 lab.add_command(soak)
 lab.add_command(springs)
