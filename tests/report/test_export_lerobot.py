@@ -6,7 +6,7 @@ import json
 import math
 import shutil
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,8 @@ timestamp: float
 frame_index: int64
 episode_index: int64
 index: int64
-task_index: int64"""
+task_index: int64
+success: int64"""
 
 
 def recorded(
@@ -58,7 +59,7 @@ def recorded(
     rig: str = RIG,
     lost: range = range(0),
     skipped: range = range(0),
-    states: Mapping[int, range] = types.MappingProxyType({}),
+    states: Mapping[int, Sequence[int]] = types.MappingProxyType({}),
     success: bool | None = None,
 ) -> Path:
     """Record rows whose values name row and column; some lack a sample, some are skipped.
@@ -224,14 +225,44 @@ def test_an_episode_with_less_than_a_second_is_refused(
         )  # fmt: skip
 
 
-def test_failed_episodes_are_left_out_and_said(tmp_path: Path) -> None:
-    run = recorded(tmp_path / "run", success=False)
-    code, said = export(run, "--out", tmp_path / "set")  # nor does it need a task
+@pytest.mark.parametrize(("success", "number"), [(False, 0), (None, -1), (True, 1)])
+def test_what_was_said_of_an_episode_is_a_column(
+    tmp_path: Path, success: bool | None, number: int
+) -> None:
+    run = recorded(tmp_path / "run", success=success)
     out = tmp_path / "set"
+    assert export(run, "--task", "x", "--out", out)[0] == 0
+    table = pq.read_table(out / "data/chunk-000/file-000.parquet")
+    assert table["success"].to_pylist() == [1] * 37 + [number] * 31
+    assert json.loads((out / "meta/info.json").read_text())["features"]["success"] == {
+        "dtype": "int64", "shape": [1], "names": None,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("success", [False, None])
+def test_only_successes_are_taken_where_only_these_are_wanted(
+    tmp_path: Path, success: bool | None
+) -> None:
+    run = recorded(tmp_path / "run", success=success)
+    out = tmp_path / "set"
+    code, said = export(run, "--only", "success", "--out", out)  # nor does the other need a task
     assert (code, said) == (
-        0, f"{out}: 1 episode, 37 frames at 30 fps, 1 failed episode left out\n",
+        0, f"{out}: 1 episode, 37 frames at 30 fps, 1 episode without success left out\n",
     )  # fmt: skip
-    assert "1 failed episode left out" in (out / "README.md").read_text()
+    assert "1 episode without success left out" in (out / "README.md").read_text()
+
+
+@pytest.mark.parametrize(("most", "gap"), [(0.1, True), (0.2, False)])
+def test_an_episode_with_a_gap_in_its_middle_is_left_out_where_that_is_asked_for(
+    tmp_path: Path, most: float, gap: bool
+) -> None:
+    """15 rows of 100 a second are cut out of the middle of the first; its begin is no gap."""
+    run = recorded(tmp_path / "run", states={4: [*range(20, 25), *range(60, 75)]})
+    out = tmp_path / "set"
+    code, said = export(run, "--task", "x", "--fps", 100, "--max-gap", most, "--out", out)
+    assert code == 0, said
+    assert ("1 episode with a gap beyond --max-gap left out" in said) == gap
+    assert f"{out}: {1 if gap else 2} episode" in said
 
 
 def test_episodes_that_were_recorded_again_are_in_no_export(tmp_path: Path) -> None:
@@ -249,9 +280,11 @@ def test_episodes_that_were_recorded_again_are_in_no_export(tmp_path: Path) -> N
 
 def test_a_dataset_without_episodes_is_none(tmp_path: Path) -> None:
     run = recorded(tmp_path / "run", states={4: range(ROWS)}, success=False)
-    code, said = export(run, "--missing", "cut", "--out", tmp_path / "set")
+    wanted = ("--only", "success", "--missing", "cut")
+    code, said = export(run, *wanted, "--out", tmp_path / "set")
     assert (code, said.count("\n"), list(tmp_path.glob("set*"))) == (2, 1, [])
-    assert "no episode is left for a dataset: 1 failed episode, 1 episode shorter" in said
+    words = "no episode is left for a dataset: 1 episode without success, 1 episode shorter"
+    assert words in said
 
 
 def test_the_live_scale_is_part_of_an_action(tmp_path: Path) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from tautwave.cli.options import PATH, Whole, of_kind, out_option
+from tautwave.cli.options import PATH, Number, Whole, of_kind, out_option
 from tautwave.errors import RecordingError
 from tautwave.kinds import RECORDING, RUN
 
@@ -39,6 +40,19 @@ from tautwave.kinds import RECORDING, RUN
     help="LeRobot: how to treat frames with a missing sample and episodes with less than 1 s; "
     "default: refuse.",
 )
+@click.option(
+    "--only",
+    type=click.Choice(["success"]),
+    help="LeRobot: only episodes of which success was said; default: all, with what was said of "
+    "them in the column success (1, 0 failed, -1 not said).",
+)
+@click.option(
+    "--max-gap",
+    type=Number(0.0),
+    metavar="SECONDS",
+    help="LeRobot: leave out episodes from whose middle more than this is cut in a row; default: "
+    "none.",
+)
 @click.option("--no-video", is_flag=True, help="LeRobot: omit the camera images.")
 @out_option("Output directory; default: export in DIR. For a dataset it must not exist.")
 def export(
@@ -49,6 +63,8 @@ def export(
     task: str | None,
     velocities: bool,
     missing: str | None,
+    only: str | None,
+    max_gap: float | None,
     no_video: bool,
     out: Path | None,
 ) -> None:
@@ -64,9 +80,9 @@ def export(
         tautwave export runs/shift --columns time_s,master.lever.position --out table
         tautwave export runs/shift runs/next --to lerobot --fps 30 --task "insert the peg" --out peg
     """
-    only = {"--fps": fps, "--task": task, "--velocities": velocities, "--missing": missing,
-            "--no-video": no_video}  # fmt: skip
-    given = [name for name, value in only.items() if value]
+    lerobot = {"--fps": fps, "--task": task, "--velocities": velocities, "--missing": missing,
+            "--only": only, "--max-gap": max_gap is not None, "--no-video": no_video}  # fmt: skip
+    given = [name for name, value in lerobot.items() if value]
     for directory in directories:
         if not directory.exists():
             raise RecordingError(f"{directory}: no such directory; give the --out of a run")
@@ -81,7 +97,13 @@ def export(
 
         where = _beside(directories[0]) if out is None else out
         choice = Choice(
-            fps or 30, task, velocities=velocities, cut=missing == "cut", video=not no_video
+            fps or 30,
+            task,
+            velocities=velocities,
+            cut=missing == "cut",
+            video=not no_video,
+            successes=only == "success",
+            max_gap_s=math.inf if max_gap is None else max_gap,
         )
         click.echo(export_dataset(directories, where, choice))
         _tell_losses(directories)

@@ -8,6 +8,7 @@ Source: the files that `lerobot` 0.4.4 and 0.6.1 write and read (codebase versio
 from __future__ import annotations
 
 import hashlib
+import math
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -35,13 +36,19 @@ SHORTEST_S = 1.0
 
 
 class Choice(NamedTuple):
-    """How a dataset is made: frames a second, task of episodes that name none, what is cut."""
+    """How a dataset is made: frames a second, task of episodes that name none, what is cut.
+
+    `successes`: only episodes of which success was said. `max_gap_s` [s]: episodes with more frames
+    in a row cut out of their middle are left out.
+    """
 
     fps: int
     task: str | None
     velocities: bool
     cut: bool
     video: bool
+    successes: bool = False
+    max_gap_s: float = math.inf
 
 
 class LeftOut(NamedTuple):
@@ -49,7 +56,8 @@ class LeftOut(NamedTuple):
 
     missing: int = 0
     outside: int = 0
-    failed: int = 0
+    unsuccessful: int = 0
+    gap: int = 0
     discarded: int = 0
     short: int = 0
 
@@ -61,7 +69,8 @@ class LeftOut(NamedTuple):
         each = (
             (self.missing, "frame", "without a sample"),
             (self.outside, "frame", "outside `engaged`"),
-            (self.failed, "failed episode", ""),
+            (self.unsuccessful, "episode", "without success"),
+            (self.gap, "episode", "with a gap beyond --max-gap"),
             (self.discarded, "episode", "recorded again"),
             (self.short, "episode", f"shorter than {SHORTEST_S:g} s"),
         )
@@ -108,8 +117,8 @@ def frame_rows(
 def export_dataset(runs: Sequence[Path], out: Path, choice: Choice) -> str:
     """Write the episodes of runs as one dataset, and return a sentence that counts.
 
-    A run without episodes is one. Frames while the rig is not engaged, and failed episodes, are
-    left out.
+    A run without episodes is one. Frames while the rig is not engaged, and episodes that were
+    recorded again, are left out; `success` says of each frame what was said of its episode.
 
     Parameters
     ----------
@@ -177,8 +186,8 @@ def _episodes_of(
         if episode.discarded:
             yield None, {"discarded": 1}
             continue
-        if episode.success is False:
-            yield None, {"failed": 1}
+        if choice.successes and episode.success is not True:
+            yield None, {"unsuccessful": 1}
             continue
         text = episode.task or choice.task
         if not text:
@@ -206,6 +215,9 @@ def _episodes_of(
                 f"sample{also}, and a held value would be invented; --missing cut leaves these "
                 "frames out"
             )
+        if longest_gap(kept) > choice.max_gap_s * choice.fps:
+            yield None, {"gap": 1}
+            continue
         if (count := int(np.count_nonzero(kept))) < SHORTEST_S * choice.fps:
             if not choice.cut:
                 raise RecordingError(
@@ -223,7 +235,18 @@ def _episodes_of(
             key: np.stack([one.of(row)[kept] for one in each], axis=1).astype(np.float32)
             for key, each in wanted.features.items()
         }
-        yield Frames(values, text, pictures), cut
+        yield Frames(values, text, pictures, said_in_frames(episode.success)), cut
+
+
+def longest_gap(kept: npt.NDArray[np.bool_]) -> int:
+    """Return how many frames in a row are cut at most between two that are kept."""
+    at = np.flatnonzero(kept)
+    return int(np.max(np.diff(at), initial=1)) - 1
+
+
+def said_in_frames(success: bool | None) -> int:
+    """Return what was said of an episode as a number: 1 success, 0 failed, -1 not said."""
+    return -1 if success is None else int(success)
 
 
 def _name(episode: Episode) -> str:
@@ -273,6 +296,7 @@ position_scale x sign, with the offset of that engagement and the live scale; a 
 Observation: position, velocity and effort of the slave's axes. `{LEADER}`: the master's axes, in
 its own coordinates. All are of one control cycle: the newest one not after k / {fps} s.{note}
 The force between hand and task is not part of an action; it is in the recordings.
+`success` is what was said of the episode: 1 success, 0 failed, -1 not said.
 
 | feature | name | of the recording's columns | unit |
 | --- | --- | --- | --- |

@@ -25,7 +25,7 @@ CHUNK = 1000
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 OWN = {
     "timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
-    "task_index": "int64",
+    "task_index": "int64", "success": "int64",
 }  # fmt: skip
 
 Floats = npt.NDArray[np.float32]
@@ -34,12 +34,13 @@ Floats = npt.NDArray[np.float32]
 class Frames(NamedTuple):
     """An episode: values of each feature, shape (frames, signals), and what was done.
 
-    `pictures` are a JPEG for each frame, by camera.
+    `pictures` are a JPEG for each frame, by camera; `success` is 1, 0 for failed, -1 if not said.
     """
 
     values: Mapping[str, Floats]
     task: str
     pictures: Mapping[str, Iterator[bytes]]
+    success: int = -1
 
 
 class Dataset:
@@ -99,6 +100,7 @@ class Dataset:
             "episode_index": np.full(count, number),
             "index": frame + self.frames,
             "task_index": np.full(count, task),
+            "success": np.full(count, episode.success),
         }
         self._write(data)
         chunk, file = divmod(self._file, CHUNK)
