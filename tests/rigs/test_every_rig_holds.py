@@ -29,7 +29,7 @@ def cases() -> list[tuple[str, str]]:
     found = []
     for path in sorted(CONFIGS.glob("*.yaml")):
         tree = yaml.safe_load(path.read_text())
-        if "arm" in tree.get("slave", {}):
+        if any("arm" in tree.get(side, {}) for side in ("master", "slave")):
             continue  # a minute of it takes minutes
         if "simulation" in tree and tree.get("coupling", {}).get("law") == "wave":
             found += [(path.stem, name) for name in tree["coupling"]["pairs"]]
@@ -57,7 +57,8 @@ def held(name: str, pair: str, reach: float, seconds: float) -> Rig:
         truth.pop("coulomb", None)
     for side in ("master", "slave"):
         for axis in tree[side]["axes"].values():
-            axis["position_range"] = [-10.0, 10.0]
+            once = tree["buses"][axis["bus"]]["driver"] == "feetech"  # an encoder of one turn
+            axis["position_range"] = [-3.1, 3.1] if once else [-10.0, 10.0]
             axis.pop("mechanical_range", None)
     for keys in tree["coupling"]["pairs"].values():
         keys.pop("wall_master", None)

@@ -4,7 +4,7 @@ options.py    the `options` block of a bus, and what a rig's axes need of it
 tables.py     registers of the series, which firmware has which; models.py what is known of them
 line.py       one transaction at a time; exchange.py one sync write and one sync read a cycle
 bringup.py    checks and settings before torque; enabling.py, leaving.py torque on and off
-driver.py     the driver the loop sees
+driver.py     the driver the loop sees; keeper.py a process that stops all if the run is killed
 budget.py     bus time; scan.py finding servos, survey.py their part of a rig; measure.py cost
 """
 

@@ -25,6 +25,7 @@ from tautwave_drivers.feetech import tables
 from tautwave_drivers.feetech.bringup import AGAIN, Bringup, Found
 from tautwave_drivers.feetech.enabling import Enabling
 from tautwave_drivers.feetech.exchange import Exchange, Goals, Sample, Timing
+from tautwave_drivers.feetech.keeper import Keeper
 from tautwave_drivers.feetech.leaving import leave, leave_again, stop_packet
 from tautwave_drivers.feetech.line import ServoLine, refuse_another_master
 from tautwave_drivers.feetech.options import FeetechOptions, Servo, match_servos
@@ -150,6 +151,7 @@ class FeetechDriver(DriverBase):
         self._port: Unechoed | None = None
         self._line: ServoLine | None = None
         self._enabling: Enabling | None = None
+        self._keeper: Keeper | None = None
         self._surveyed = self._spoken = False
         self._lost = ""
         self._efforts = [at for at, one in enumerate(self._servos) if one.impedance]
@@ -196,6 +198,14 @@ class FeetechDriver(DriverBase):
         self._try_reading()
         bringup.verify(self._servos)
         self.unwatched = bringup.unwatched
+        if hasattr(port, "fileno"):
+            stop = stop_packet(self._stop)
+            self._keeper = Keeper(port.fileno(), stop, self._options.host_watchdog_s)
+            self.notes.append(
+                f"bus {self._bus.name}: a process beside this one switches all servos off after "
+                f"{self._options.host_watchdog_s:g} s without a cycle, and at once if this one is "
+                "killed; nothing does if the machine stops or the cable is pulled"
+            )
 
     def _timing(self) -> Timing:
         options = self._options
@@ -262,6 +272,7 @@ class FeetechDriver(DriverBase):
 
     def _enable(self) -> bool:
         """Switch torque on and verify it, packet by packet."""
+        self._feed()
         if self._on:
             return True
         assert self._port is not None
@@ -270,6 +281,14 @@ class FeetechDriver(DriverBase):
             self._enabling = Enabling(self._port, self._clock, self._servos, limits, self._bus)
         self._on = self._enabling.step()
         return self._on
+
+    def _feed(self) -> None:
+        """Tell the process beside this one that the run goes on."""
+        if self._keeper is not None and not self._keeper.feed():
+            self._keeper.end()
+            self._keeper = None
+            text = "the process that stops the servos if this one is killed has ended; run again"
+            self._faults.append(Fault("", text, fatal=True))
 
     @property
     def misses(self) -> dict[str, str]:
@@ -286,6 +305,8 @@ class FeetechDriver(DriverBase):
         """Send the staged goals and request the samples."""
         if self._port is None or self._lost:
             return
+        if self._on:
+            self._feed()
         try:
             self._exchange.send(self._packet() if self._on else b"", self._clock.now_ns())
         except DriverError as err:
@@ -382,6 +403,8 @@ class FeetechDriver(DriverBase):
                 self._goals.put(place, 0)
             self._placed = False
             self.unconfirmed = leave(self._line, self._packet(), self._servos, self._stop)
+        if self._keeper is not None and not self.unconfirmed:
+            self._keeper.rest()
 
     def _end(self) -> None:
         if self._port is not None and self.unconfirmed:
@@ -401,6 +424,9 @@ class FeetechDriver(DriverBase):
 
     def _release(self) -> None:
         self._enabling = None
+        keeper, self._keeper = self._keeper, None
+        if keeper is not None:
+            keeper.end()
         port, self._port = self._port, None
         if port is not None and self._transport is None:
             port.close()

@@ -22,6 +22,8 @@ ServoId = Annotated[int, Field(ge=0, le=253)]
 
 STEADY_A = 3.0
 """[A] Of an HLS servo: what its users took for safe."""
+LEAST_PERIODS = 3
+"""Of the bus, that the process beside the run has to wait: one late cycle is no fault."""
 LOW_SUPPLY = 0.8
 """Share of the stated supply down to which a servo has to reach its effort_limit."""
 
@@ -79,6 +81,9 @@ class FeetechOptions(BaseModel):
     protection_s: Annotated[float, Field(ge=0.01, le=2.54)] = 0.5
     """[s] How long a current beyond that of `effort_limit` may flow before a servo itself cuts
     it (38)."""
+    host_watchdog_s: Annotated[float, Field(ge=0.05, le=5.0)] = 0.5
+    """[s] Silence of the run after which a process beside it sends torque off to all servos of the
+    line; at once where the run is killed. Not where the machine stops or the cable is pulled."""
     stop: Literal["off", "damped"] = "off"
     """What servos are left in: without torque, or (HLS) damped."""
     simulator: dict[str, Any] = {}
@@ -194,6 +199,12 @@ def match_servos(options: FeetechOptions, bus: BusSpec) -> list[Servo]:
             f"bus {bus.name}: Feetech servos have no watchdog: if the host stops they go on with "
             "their last goal; write how a person cuts their power, such as power_cut: switch on "
             "the supply, within reach"
+        )
+    least_s = LEAST_PERIODS / bus.rate_hz
+    if options.host_watchdog_s < least_s * (1.0 - 1e-9):
+        problems.append(
+            f"bus {bus.name}: host_watchdog_s {options.host_watchdog_s:g} is less than "
+            f"{LEAST_PERIODS} periods at {bus.rate_hz:g} Hz; use {least_s:.3g} or more"
         )
     for servo in options.servos:
         if servo.id in by_id:
