@@ -95,6 +95,10 @@ def tapped(bus: str, port: Any, clock: Clock) -> Any:
     return _Tap(bus, port, clock.now_ns, _recording[-1].add)
 
 
+BATCHES = frozenset({"send_all", "receive_some"})
+"""Several frames in one call: of a recorded port they go and come one by one, so none is missed."""
+
+
 class _Tap:
     """A port, in front of another one."""
 
@@ -104,6 +108,8 @@ class _Tap:
         self._bus, self._port, self._now_ns, self._add = bus, port, now_ns, add
 
     def __getattr__(self, name: str) -> Any:
+        if name in BATCHES:
+            raise AttributeError(name)
         return getattr(self._port, name)
 
     def write(self, data: bytes) -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.errors import DriverError
+from tautwave.traffic import recorded, tapped
 from tautwave_drivers.can.batches import receiving, sending
 from tautwave_drivers.can.errors import error_text
 from tautwave_drivers.can.framing import ERROR_FRAME, EXTENDED, Echo, Framing
@@ -441,3 +442,18 @@ def test_frames_of_all_kinds_pass_python_cans_virtual_bus(fd: bool) -> None:
         other.send(message)
         assert port.receive() == (EXTENDED | 0x1800FD01, bytes(8), 0)
         port.close()
+
+
+def test_a_recorded_port_misses_no_frame_of_a_batch(pair: tuple[RawPort, socket.socket]) -> None:
+    """It has no calls for several frames, so that they pass where they are recorded."""
+    port, other = pair
+    clock = FakeClock()
+    with recorded(10.0) as traffic:
+        tap = tapped("can", port, clock)
+        assert sending(tap)([(1, b"a"), (2, b"b")]) == 2
+        for number in (5, 6):
+            other.send(FRAME.pack(number, 1, b"z"))
+        take = receiving(tap)
+        assert [frame[0] for _ in range(2) for frame in take(9)] == [5, 6]
+    assert [event.can_id for event in traffic.events] == [1, 2, 5, 6]
+    assert tap.fileno() == port.fileno()
