@@ -47,12 +47,14 @@ def chosen(clock="real", *overrides):
 
 def test_what_is_alive_is_looked_through_once_for_all_rounds(monkeypatch):
     """Objects that are frozen cost the collections of later rounds nothing."""
+    gc.unfreeze()  # what this process froze itself
     freezes = []
     monkeypatch.setattr(gc, "freeze", lambda freeze=gc.freeze: (freezes.append(1), freeze()))
     monkeypatch.setattr(scene_pace, "CYCLES", 3)
     assert scene_pace.scene_pace(load_rig(GRANULAR)).cycle_s > 0.0
     assert len(freezes) == 1
     assert gc.get_freeze_count() == 0
+    gc.freeze()  # as tests.conftest left it
 
 
 def test_plain_python_where_it_keeps_the_rate_compiled_steps_where_not(costs):
