@@ -137,7 +137,8 @@ def test_every_near_key_reaches_what_it_says(path: Path) -> None:
 @given(data=st.data())
 @settings(max_examples=30, suppress_health_check=list(HealthCheck), deadline=None)
 def test_near_keys_together_reach_no_further(data: st.DataObject) -> None:
-    path = data.draw(st.sampled_from(SHIPPED))
+    compiled = [path for path in SHIPPED if not has_plain_devices(load_rig(path))]
+    path = data.draw(st.sampled_from(compiled))
     keys = data.draw(
         st.lists(st.sampled_from(["seed", *local_keys_of(path)]), min_size=2, unique=True)
     )

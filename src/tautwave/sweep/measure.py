@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy.typing as npt
 
 from tautwave.analysis.felt import FELT, felt_measures
 from tautwave.config import Rig
+from tautwave.config.keys.simulation import Hold, MinimumJerk
 from tautwave.rig import pair_scale
 from tautwave.sweep.predict import pair_mode
 
@@ -26,7 +28,16 @@ BOOKS = ("gross_flow", "residual", "generated")
 """Measures that need every account of a recording."""
 
 BOUNDED = 1.1
-"""Greatest energy of the last half per that of the first half that still counts as stable."""
+"""Greatest energy of the last half per that of the first half that still counts as bounded."""
+
+RESTING_S = 2.0
+"""[s] Of the two windows at the end of a run, in which the hand's reference stands still."""
+
+ALIKE = 1.01
+"""Of the energy of the first window, what that of the second still counts as equal to it."""
+
+SETTLED = 1e-9
+"""Of the greatest energy of a run, less than which is rest."""
 
 STEADY = 0.9
 """Explained share of the variance above which growth is that of a single mode."""
@@ -38,20 +49,38 @@ FAINTEST = 1e-290
 
 
 class Scales(NamedTuple):
-    """Scales of a pair's columns: period [s], slave per master units; `ratio` with its sign."""
+    """Scales of a pair's columns: period [s], slave per master units; `ratio` with its sign.
+
+    `rest_s`: when the reference of its hand stands still [s]; inf: never.
+    """
 
     pair: str
     period_s: float
     position_scale: float
     power: float
     ratio: float
+    rest_s: float = 0.0
 
 
 def scales_of(rig: Rig, pair: str) -> Scales:
     """Return the scales of a pair of a rig."""
     keys = rig.coupling.pairs[pair]
     scale = pair_scale(keys)
-    return Scales(pair, rig.period_s, scale.scale, scale.power, scale.sign * scale.scale)
+    ratio = scale.sign * scale.scale
+    return Scales(pair, rig.period_s, scale.scale, scale.power, ratio, rest_of(rig, pair))
+
+
+def rest_of(rig: Rig, pair: str) -> float:
+    """Return from when on the reference of a pair's hand stands still [s]; inf: never."""
+    hand = None if rig.simulation is None else rig.simulation.hand.get(pair)
+    if hand is None:
+        return 0.0
+    reference = getattr(hand, "reference", None)
+    if isinstance(reference, MinimumJerk):
+        points = reference.waypoints
+        moved = [two[0] for one, two in pairwise(points) if one[1] != two[1]]
+        return moved[-1] if moved else 0.0
+    return 0.0 if isinstance(reference, Hold) else math.inf
 
 
 def measure_run(
@@ -60,7 +89,7 @@ def measure_run(
     """Return the requested measures of one simulation, without predictions.
 
     Amplitudes and errors are in master units, growth in 1/s, energies in J; `stable` is 1 or 0.
-    A measure without a value (growth without motion) is NaN.
+    A measure without a value (growth without motion, stability of a hand that never rests) is NaN.
     """
     names = set(wanted)
     count = len(columns[f"{scales.pair}.position_error"])
@@ -74,7 +103,7 @@ def measure_run(
         energy = moving_energy(scales, columns)
         growth = growth_of(energy, scales.period_s)
         found["growth_rate"] = growth.rate
-        found["stable"] = float(finished and is_bounded(energy, growth))
+        found["stable"] = is_stable(energy, scales) if finished else 0.0
     for kind in ("position_error", "effort_error"):
         values = columns[f"{scales.pair}.{kind}"]
         if f"{kind}_rms" in names:
@@ -184,6 +213,32 @@ def is_bounded(energy: Floats, growth: Growth) -> bool:
     half = len(energy) // 2
     within = half > 0 and bool(energy[half:].max() <= BOUNDED * energy[:half].max())
     return within and not (growth.rate > 0.0 and growth.steadiness > STEADY)
+
+
+def is_stable(energy: Floats, scales: Scales) -> float:
+    """Return 1 for a pair that comes to rest with its hand, 0 for one that does not; NaN: unknown.
+
+    After the hand's reference stands still, the energy over the last 2 s is no more than over the
+    2 s before, or the half of a shorter rest. What is pressed against holds an energy that may still
+    rise while everything comes to rest: then its variation is no more. Less than 1e-9 of the
+    greatest energy is rest.
+    """
+    begin = 0.0 if scales.rest_s == 0.0 else scales.rest_s / scales.period_s
+    rest = len(energy) - begin
+    width = int(min(RESTING_S / scales.period_s, 0.5 * rest)) if rest > 0.0 else 0
+    if width < WINDOWS:
+        return math.nan
+    first, last = energy[-2 * width : -width], energy[-width:]
+    if not np.isfinite(energy).all():
+        return 0.0
+    if last.max() <= SETTLED * energy.max():
+        return 1.0
+    more = float(last.mean()) > float(first.mean()) and float(np.ptp(last)) > float(np.ptp(first))
+    if not more:
+        return 1.0
+    growth = growth_of(energy[-2 * width :], scales.period_s)
+    steadily = growth.rate > 0.0 and growth.steadiness > STEADY
+    return float(not (steadily or float(last.mean()) > ALIKE * float(first.mean())))
 
 
 def controller_books(pair: str, columns: Columns) -> dict[str, float]:

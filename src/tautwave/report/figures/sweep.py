@@ -237,6 +237,8 @@ def stability_sentences(curve: Curve, figure: Figure) -> list[tuple[str, str]]:
     ):
         if _value(first, measure) is not None and _value(last, measure) is not None:
             ranges.append(f"{word} {_ranges(changes, unit)}")
+    if unjudged := sum(row.get("stable") == "nan" for row in curve.rows):
+        ranges.append(f"{unjudged} of {len(curve.rows)} not judged: the hand does not come to rest")
     return [(curve.colour, f"{curve.label}: {'; '.join(ranges)}.")] if ranges else []
 
 
