@@ -219,9 +219,9 @@ def is_stable(energy: Floats, scales: Scales) -> float:
     """Return 1 for a pair that comes to rest with its hand, 0 for one that does not; NaN: unknown.
 
     After the hand's reference stands still, the energy over the last 2 s is no more than over the
-    2 s before, or the half of a shorter rest. What is pressed against holds an energy that may still
-    rise while everything comes to rest: then its variation is no more. Less than 1e-9 of the
-    greatest energy is rest.
+    2 s before, or the half of a shorter rest. What is pressed against holds an energy that may
+    still rise while everything comes to rest: then its variation is no more. Less than 1e-9 of
+    the greatest energy is rest.
     """
     begin = 0.0 if scales.rest_s == 0.0 else scales.rest_s / scales.period_s
     rest = len(energy) - begin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -163,10 +164,14 @@ def _silent(summary: Summary) -> Iterator[Sequence[str | Cell]]:
     same: dict[str, list[str]] = {}
     for bus in summary.buses.values():
         for name, does in bus.unwatched.items():
-            same.setdefault(does, []).append(name)
+            same.setdefault(_NUMBERED.sub("", does), []).append(name)
     for does, names in same.items():
         text = f"{axes_named(names)}: {does}"
         yield "no watchdog", Cell(folded("no watchdog", text, ADVICE, 4), NOTE)
+
+
+_NUMBERED = re.compile(r"\([^()]*\d+\) ")
+"""Which of the devices it is."""
 
 
 def _page(summary: Summary, directory: Path, drawing: bool) -> Iterator[Sequence[str | Cell]]:
