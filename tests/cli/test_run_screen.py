@@ -85,7 +85,7 @@ def test_many_pairs_devices_and_warnings_fit_on_a_screen() -> None:
         for n in range(1, 8)
     }
     lost = {"lost": 4, "late": 1, "faults": [{"text": "over-heated"}]}
-    does = {f"slave.j{n}": f"(servo {n}) keeps its last command" for n in range(1, 8)}
+    does = {f"slave.j{n}": f"(servo {n}) keeps {10 * n} %" for n in range(1, 8)}
     summary = made(
         pairs=pairs,
         axes={f"{side}.j{n}": lost for side in ("master", "slave") for n in range(1, 8)},
@@ -98,7 +98,7 @@ def test_many_pairs_devices_and_warnings_fit_on_a_screen() -> None:
     assert line_count(shown) <= LINES
     said = " ".join(plain_text(shown).split())
     assert "j1-j7 <= 10 mrad <= 7.04 rad" in said
-    assert "slave.j1-j7: keeps its last command" in said
+    assert "slave.j1-j7: keeps 10 to 70 %" in said
     assert "more: --verbose" in said
     assert line_count(summary_sections("rig", summary, Path(), 0)) > 2 * LINES
 

@@ -68,3 +68,17 @@ def folded_rows(rows: Sequence[tuple[str, str]], lines: int = 2) -> list[tuple[s
     """Return rows of label and text, each text in at most so many lines of a screen."""
     room = max((len(label) for label, _ in rows), default=0)
     return [(label, folded(label, text, room, lines)) for label, text in rows]
+
+
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def as_one(texts: Sequence[str]) -> str:
+    """Return texts that differ in numbers only as one, with `least to most` where they do."""
+    columns = zip(*(NUMBER.findall(text) for text in texts), strict=True)
+    pieces = NUMBER.split(texts[0])
+    found = pieces[0]
+    for values, after in zip(columns, pieces[1:], strict=True):
+        least, most = min(values, key=float), max(values, key=float)
+        found += (least if float(least) == float(most) else f"{least} to {most}") + after
+    return found

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from tautwave.cli.terminal.screen import axes_named, folded, spanned
+from tautwave.cli.terminal.screen import NUMBER, as_one, axes_named, folded, spanned
 from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, printable, verdict
 from tautwave.report.books import books_closed
 from tautwave.report.calm import UNCALM, worst_share
@@ -161,13 +161,14 @@ ADVICE = len("energy books")
 
 def _silent(summary: Summary) -> Iterator[Sequence[str | Cell]]:
     """Yield devices without a watchdog, by what they do, once for all that do the same."""
-    same: dict[str, list[str]] = {}
+    same: dict[str, dict[str, str]] = {}
     for bus in summary.buses.values():
         for name, does in bus.unwatched.items():
-            same.setdefault(_NUMBERED.sub("", does), []).append(name)
-    for does, names in same.items():
-        text = f"{axes_named(names)}: {does}"
-        yield "no watchdog", Cell(folded("no watchdog", text, ADVICE, 4), NOTE)
+            text = _NUMBERED.sub("", does)
+            same.setdefault(NUMBER.sub("#", text), {})[name] = text
+    for alike in same.values():
+        text = f"{axes_named(list(alike))}: {as_one(list(alike.values()))}"
+        yield "no watchdog", Cell(folded("no watchdog", text, ADVICE, 5), NOTE)
 
 
 _NUMBERED = re.compile(r"\([^()]*\d+\) ")
