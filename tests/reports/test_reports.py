@@ -19,6 +19,7 @@ from tautwave.session.bus_replay import (
 )
 from tautwave.traffic import BYTES, EXTENDED, LEAVING, Event, Traffic, parse_lines
 from tests.commands import tautwave
+from tests.reports import rates
 from tests.reports.make import WALKS, make
 from tests.reports.table import NONE, PAGE, page, reports
 
@@ -185,6 +186,14 @@ def test_the_page_is_made_of_the_files() -> None:
     real = [path for path in reports() if not read_shared(path).simulated]
     assert (NONE in page()) == (not real)
     assert set(OUTCOMES) == {path.stem for path in reports()}
+
+
+def test_the_page_of_rates_is_made_of_the_budgets_and_the_files() -> None:
+    """`python -m tests.reports.rates --write` writes it anew."""
+    assert rates.PAGE.read_text() == rates.page()
+    assert len(list(rates.bus_rows())) == len(rates.CASES)
+    real = [path for path in reports() if read_shared(path).clock == "real"]
+    assert (rates.NOBODY in rates.page()) == (not real)
 
 
 @pytest.mark.slow

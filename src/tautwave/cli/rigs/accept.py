@@ -128,6 +128,7 @@ def accept(
         return
     if by is None or not by.strip():
         raise click.UsageError("--by is missing: who performs the acceptance?")
+    from tautwave.bench.result import machine
     from tautwave.cli.rigs.talking import conversation
     from tautwave.cli.run import fresh_directory
     from tautwave.config import load_rig
@@ -140,7 +141,7 @@ def accept(
     if wrong:
         raise ConfigError(f"accept: --stages: {wrong[0]!r} is not one of {', '.join(STAGES)}")
     loaded = load_rig(rig, choose=False)
-    asked = Acceptance(rig, axes or tuple(loaded.axes), wanted, run_s, by, keys, site)
+    asked = Acceptance(rig, axes or tuple(loaded.axes), wanted, run_s, by, keys, site, machine())
     directory = fresh_directory(out, f"accept-{loaded.name}")
     ways = Ways(clock, simulate, attach, allow_unwatched, configure)
     try:

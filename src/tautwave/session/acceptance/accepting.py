@@ -44,7 +44,8 @@ TRAFFIC_S = 1.0
 class Acceptance(NamedTuple):
     """What is to be accepted: a rig file, its axes, stages, the length of the runs [s], who.
 
-    `keys` is the folder with the key of `site` that signs, None: sealed only.
+    `keys` is the folder with the key of `site` that signs, None: sealed only; `machine`, what this
+    one is.
     """
 
     rig: Path
@@ -54,6 +55,7 @@ class Acceptance(NamedTuple):
     by: str
     keys: Path | None = None
     site: str = ""
+    machine: Mapping[str, Any] = {}
 
 
 def accept(
@@ -109,6 +111,8 @@ def accept(
         "stages": list(asked.stages),
         "ended_at": ended,
         "accepted": not ended,
+        "machine": dict(asked.machine),
+        "clock": ways.clock,
         "buses": _buses(rig, ways),
         "devices": {name: dict(one) for name, one in said.items()},
         "notes": notes,

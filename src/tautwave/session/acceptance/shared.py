@@ -53,6 +53,8 @@ class Shared(BaseModel):
     day: str
     by: str = ""
     simulated: bool
+    clock: str = ""
+    machine: dict[str, Any] = Field(default_factory=dict)
     accepted: bool
     ended_at: str
     left_out: list[str]
@@ -176,6 +178,8 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
         day=content["sealed_utc"][:10],
         by=content["by"] if "names" in keep else "",
         simulated=all(bus["simulated"] for bus in content["buses"].values()),
+        clock=content.get("clock", ""),
+        machine=cleaner.tree(content.get("machine", {})),
         accepted=content["accepted"],
         ended_at=content["ended_at"],
         left_out=[one for one in KEEP if one not in keep],
