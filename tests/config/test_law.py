@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from tautwave.certificate import certify
 from tautwave.config import Rig, parse_rig, resolved_yaml
-from tautwave.config.law import PROMPT_S
+from tautwave.config.defaults import expand_defaults
+from tautwave.config.law import PROMPT_S, choose_law
+from tautwave.config.text.document import open_document
+from tautwave.config.text.overrides import apply_overrides
 from tautwave.errors import ConfigError
 from tests.rigs.test_wave_choices import FIRST
 
@@ -33,9 +37,10 @@ def test_auto_is_a_law_with_its_gains() -> None:
 @pytest.mark.parametrize(
     ("settings", "said", "silent"),
     [
-        (["coupling.delay_s=0.0"], "no other follows closer", "mediated"),
-        ([f"coupling.delay_s={PROMPT_S}"], "no other follows closer", "mediated"),
-        (["coupling.delay_s=0.02"], "20 ms cost F tau / b", "no other"),
+        (["coupling.delay_s=0.0"], "no other follows much closer", "mediated"),
+        ([f"coupling.delay_s={PROMPT_S}"], "no other follows much closer", "mediated"),
+        (["coupling.delay_s=0.02", "rate_hz=400"], "over 20 ms costs F tau / b", "no other"),
+        (["coupling.delay_s=0.02", "rate_hz=400"], "but needs 500 Hz", "no other"),
         (["link={}"], "over any network", "mediated"),
     ],
 )
@@ -51,3 +56,56 @@ def test_keys_of_other_laws_are_refused_beside_it() -> None:
         first(LAW, "coupling.pairs.lever.stiffness=3")
     with pytest.raises(ConfigError, match="law wave keeps its own accounts"):
         first(LAW, "coupling.account={}")
+
+
+LATE = "coupling.delay_s=0.02"
+
+
+def test_over_a_longer_line_it_is_law_mediated_in_an_account() -> None:
+    rig = first(LAW, LATE)
+    assert rig.coupling.law == "mediated"
+    assert rig.coupling.account is not None
+    assert rig.law is not None
+    assert "over 20 ms it follows" in rig.law.reason
+    assert parse_rig(resolved_yaml(rig)) == rig
+    own = first(LAW, LATE, "coupling.account={tank: 0.1}")
+    assert own.coupling.account is not None
+    assert own.coupling.account.tank == 0.1
+
+
+@pytest.mark.parametrize(
+    ("settings", "missing"),
+    [
+        (["coupling.pairs.lever.wave_impedance=0.05"], "has no wave_impedance"),
+        (["coupling.defaults={pole_slave: 0.3}"], "has no pole_slave"),
+        (["require=coupled_stable"], "is not certified as coupled_stable"),
+        (["buses.bench.divisor=2"], "needs both sides at the same rate"),
+        (
+            ["slave.axes.lever.causality=admittance", "slave.axes.lever.inertia=null"],
+            "drives axes that take effort only",
+        ),
+    ],
+)
+def test_where_law_mediated_cannot_be_it_is_law_wave(settings: list[str], missing: str) -> None:
+    document = open_document(FIRST, "first.yaml", Path())
+    apply_overrides(document, [LAW, LATE, *settings])
+    expand_defaults(document)
+    law = choose_law(document)
+    assert law is not None
+    assert law.value == document.get(("coupling", "law")) == "wave"
+    assert law.reason.endswith(f"law mediated follows closer, but {missing}")
+
+
+@pytest.mark.parametrize("key", ["inertia", "velocity_limit", "effort_rate_limit"])
+def test_a_limit_that_law_mediated_needs_is_named(key: str) -> None:
+    document = open_document(FIRST, "first.yaml", Path())
+    apply_overrides(document, [LAW, LATE])
+    del document.value["slave"]["axes"]["lever"][key]
+    law = choose_law(document)
+    assert law is not None
+    assert law.reason.endswith(f"but needs {key}")
+
+
+@pytest.mark.parametrize("delay", [0.006, 0.02, 0.1, 0.3])
+def test_what_it_takes_over_a_long_line_is_certified(delay: float) -> None:
+    assert certify(first(LAW, f"coupling.delay_s={delay}")).passed

@@ -109,7 +109,7 @@ def test_an_axis_that_let_go_ends_the_run(law: str) -> None:
     assert f": {EMPTY}" in str(run.result.error)
     pressed = np.abs(run["slave.a.commanded"][60:EMPTIED]).mean()
     said = float(str(run.result.error).partition("requests is sent, ")[2].split()[0])
-    assert said == pytest.approx(pressed, rel=0.5)
+    assert said == pytest.approx(pressed, rel=0.6)
 
 
 def test_what_stands_apart_is_cut_steadily() -> None:
@@ -152,7 +152,7 @@ def test_a_rendered_surface_that_nothing_covers_ends_the_run() -> None:
     run = drained(rig, build_rig(rig, clock="fake"), 2 * EMPTIED, "master")
     assert run.result.stop is not None
     assert (run.result.stop.axis, run.result.stop.reason) == ("master.a", "account_empty")
-    assert np.abs(run["master.a.commanded"][200 : 2 * EMPTIED]).min() > 20.0
+    assert np.abs(run["master.a.commanded"][200 : 2 * EMPTIED]).min() > 10.0
     assert np.abs(run["master.a.commanded"][-200:]).max() < 0.01
 
 

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 from tautwave.config.keys.common import AUTO
-from tautwave.config.keys.coupling import STANDARD_LAW
+from tautwave.config.keys.coupling import STANDARD_LAW, AnyPair
 from tautwave.config.text.document import Document
 from tautwave.types import Choice
 
 PROMPT_S = 5e-3
-"""[s] One-way delay up to which no other law follows closer (docs/explanation/couplings.md)."""
+"""[s] One-way delay up to which law wave follows as closely as any (`tests.lab chosen`)."""
+
+LATE_LAW = "mediated"
+"""What follows over a longer one as if there were none, in an account."""
+
+SLOWEST_HZ = 500.0
+"""Rate below which its estimate of a contact takes longer than a hand's press."""
+
+SHARED = frozenset(AnyPair.model_fields)
+"""Keys that pairs of all laws have."""
 
 
 def choose_law(document: Document) -> Choice | None:
     """Put a law in place of `auto` into a document; return it and why, None if one was named.
 
-    It is law wave at any delay: the only one that is passive by proof and holds a force exactly for
-    as long as one likes. What a long delay costs is in its reason.
+    Up to `PROMPT_S` it is law wave, whose forces are exact. A longer line makes that F tau / b off
+    and b tau heavy, so it is law mediated in an account where the rig has what that needs.
     """
     coupling = document.get(("coupling",))
     named = coupling.get("law") if isinstance(coupling, dict) else None
@@ -25,16 +37,55 @@ def choose_law(document: Document) -> Choice | None:
     delay = coupling.get("delay_s", 0.0)
     if document.get(("link",)) is not None or document.get(("sites",)) is not None:
         return Choice(STANDARD_LAW, f"{STANDARD_LAW}, passive over any network")
-    if isinstance(delay, int | float) and delay > PROMPT_S:
+    prompt = f"{1e3 * PROMPT_S:g} ms"
+    if not isinstance(delay, int | float) or delay <= PROMPT_S:
+        why = f"{STANDARD_LAW}: up to {prompt} no other follows much closer, and forces are exact"
+        return Choice(STANDARD_LAW, why)
+    over = f"over {1e3 * delay:g} ms"
+    missing = next(_missing(document, coupling), "")
+    if missing:
         why = (
-            f"{STANDARD_LAW}, which holds a force exactly at any delay; {1e3 * delay:g} ms cost "
-            f"F tau / b between the devices and b tau of inertia in the hand (below). Over more "
-            f"than {1e3 * PROMPT_S:g} ms law mediated in an account (law: mediated, account: {{}}) "
-            "follows closer"
+            f"{STANDARD_LAW}, which {over} costs F tau / b between the devices and b tau of "
+            f"inertia in the hand (below); law {LATE_LAW} follows closer, but {missing}"
         )
         return Choice(STANDARD_LAW, why)
-    return Choice(
-        STANDARD_LAW,
-        f"{STANDARD_LAW}: up to {1e3 * PROMPT_S:g} ms no other follows closer, and forces are "
-        "exact",
+    coupling["law"] = LATE_LAW
+    coupling.setdefault("account", {})
+    why = (
+        f"{LATE_LAW}, in an account: {over} it follows and renders contacts as without a delay. A "
+        "first contact is felt two delays late, and a hold is as long as `held force` says; law "
+        f"{STANDARD_LAW} holds forces exactly, F tau / b apart"
     )
+    return Choice(LATE_LAW, why)
+
+
+def _missing(document: Document, coupling: dict[str, Any]) -> Iterator[str]:
+    """Yield what a rig has that law mediated does not do, or lacks that it needs."""
+    rate = document.get(("rate_hz",))
+    if not isinstance(rate, int | float) or rate < SLOWEST_HZ:
+        yield f"needs {SLOWEST_HZ:g} Hz"
+    if document.get(("require",)) == "coupled_stable":
+        yield "is not certified as coupled_stable"
+    if document.get(("operate", "scales")):
+        yield "does not change its scale while it runs"
+    if document.get(("arms",)):
+        yield "joins no tips of arms"
+    for pair in _blocks(coupling.get("pairs")):
+        own = sorted(set(pair) - SHARED)
+        if own:
+            yield f"has no {own[0]}"
+    for bus in _blocks(document.get(("buses",))):
+        if bus.get("divisor", 1) != 1:
+            yield "needs both sides at the same rate"
+    for side in ("master", "slave"):
+        for axis in _blocks(document.get((side, "axes"))):
+            if axis.get("causality", "impedance") != "impedance":
+                yield "drives axes that take effort only"
+            for key in ("inertia", "velocity_limit", "effort_rate_limit"):
+                if axis.get(key) is None:
+                    yield f"needs {key}"
+
+
+def _blocks(value: Any) -> list[dict[str, Any]]:
+    """Return the blocks of a mapping by name; what is none is reported elsewhere."""
+    return [it for it in value.values() if isinstance(it, dict)] if isinstance(value, dict) else []

@@ -102,8 +102,8 @@ def finish_rig(
     _check_format(document)
     take_older(document)
     apply_overrides(document, overrides)
-    law = choose_law(document)
     expand_defaults(document)
+    law = choose_law(document)
     take_calibration(document)
     leave_other_half(document)
     if isinstance(document.get(("operate",)), dict):

@@ -13,7 +13,7 @@ from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.answer import sample_gain
 from tautwave.controller.steps import Law, NoParams, SiteLaw
 from tautwave.controller.wrapping import params_with
-from tautwave.couplings.account.from_keys import account_params, model_reserve, quick_level
+from tautwave.couplings.account.from_keys import account_params, model_reserve
 from tautwave.couplings.account.law import GUARDS, law_with_account
 from tautwave.couplings.account.messages import messages_with_account
 from tautwave.couplings.over_link import LINKED
@@ -55,7 +55,7 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         mine, alone = keys, bare.holding is None and sample_gain(*known, still=True) == 0.0
         if bare.holding is not None:
             gain = max(gain, bare.holding.gain(given, axis.gain, axis.period))
-            mine = quick_level(keys, axis)
+            alone = True  # a damper in the place of friction would be most of the noise
             if side == "master":
                 mine = model_reserve(mine, axis)
         return params_with(given, "account", account_params(mine, side, axis, gain, alone=alone))

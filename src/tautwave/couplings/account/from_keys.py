@@ -19,11 +19,6 @@ from tautwave.laws.account import (
 SLOW = 50.0
 """Periods in which the leader's level damping would bring the device alone to rest."""
 
-QUICK = 7.0
-"""The same under a law that renders a model, for it takes nothing where there is nothing: all that
-moves the follower then comes of level damping."""
-
-
 NOISE_MARGIN = 0.25
 """Share given beyond what noise and steps would take from an effort that acts at once."""
 
@@ -50,14 +45,6 @@ def account_reserve(keys: Account, axis: CoupledAxis) -> float:
     assert axis.inertia is not None
     impulse = axis.effort_limit * (1 + late_periods(axis)) * axis.period
     return impulse * impulse / axis.inertia
-
-
-def quick_level(keys: Account, axis: CoupledAxis) -> Account:
-    """Return the keys with the level damping of a law that renders a model, where none is given."""
-    if keys.level_damping is not None:
-        return keys
-    assert axis.inertia is not None
-    return keys.model_copy(update={"level_damping": axis.inertia / (QUICK * axis.period)})
 
 
 def model_reserve(keys: Account, axis: CoupledAxis) -> Account:

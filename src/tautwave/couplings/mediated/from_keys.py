@@ -19,6 +19,9 @@ APART = 5.0
 """Memories 1 / (1 - p) of the filter from one sample of the fit to the next: three low-passes then
 keep a tenth of white noise."""
 
+SMOOTHED_S = 3e-3
+"""Time over which velocities are smoothed [s]: a twentieth of a period of the spring, 16 Hz."""
+
 PRESSES = 3.0
 """Times `touch`, which a slave in contact presses with whatever the master renders: enough to learn
 from, twice what begins a first estimate (`contact.FELT`)."""
@@ -76,4 +79,5 @@ def end_constants(pair: MediatedPair, side: str, axis: CoupledAxis) -> MediatedE
         model=ModelParams(
             share=-math.expm1(-axis.period / pair.adopt_s), span=span, most=span * stiffest
         ),
+        smoothing=axis.period / SMOOTHED_S,
     )

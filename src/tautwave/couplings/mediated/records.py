@@ -19,7 +19,8 @@ class MediatedEndParams(NamedTuple):
     stiffness, damping [N m/rad, N m s/rad or N/m, N s/m], force [1]: how it follows; press [N m or
     N], lead [1]: in contact it presses with that and that share of what is rendered; follows,
     measures; read_stiffness, read_damping [1]: what the far side's are here, of the numbers that
-    come; greatest [N m/rad or N/m], of the stiffness that it renders.
+    come; greatest [N m/rad or N/m], of the stiffness that it renders; smoothing: of velocities, per
+    period [1].
     """
 
     follows: bool
@@ -36,6 +37,7 @@ class MediatedEndParams(NamedTuple):
     signals: SignalParams
     contact: ContactParams
     model: ModelParams
+    smoothing: float
 
 
 @dataclass(slots=True)
@@ -45,12 +47,13 @@ class MediatedEnd(SeenEnd):
     Of a slave `contact` is what it found; of a master the surfaces in it are what it heard, and
     `above` and `below` as they are rendered. `paid` [J]: what rises of their stiffness have cost
     so far, less what falls gave back. `funds` [J]: what they may hold; `count`: periods of this
-    sample.
+    sample. `smooth` [rad/s or m/s]: velocity, smoothed.
     """
 
     at: float = 0.0
     velocity: float = 0.0
     push: float = 0.0
+    smooth: float = 0.0
     place: Filter = field(default_factory=Filter)
     speed: Slope = field(default_factory=Slope)
     force: Filter = field(default_factory=Filter)

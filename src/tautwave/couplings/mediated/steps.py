@@ -37,6 +37,7 @@ def begin(s: AxisState) -> None:
     e.at = s.position
     e.velocity = 0.0
     e.push = 0.0
+    e.smooth = 0.0
     begin_filter(e.place, s.position)
     begin_slope(e.speed)
     begin_filter(e.force, 0.0)
@@ -52,6 +53,9 @@ def keep(
     s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
 ) -> None:
     """Learn what is touched, or adopt what was reported."""
+    e = s.end
+    share = p.end.smoothing * count
+    e.smooth += share / (1.0 + share) * (s.velocity - e.smooth)
     if p.end.follows:
         learn_surface(s, p, displacement, count)
         return
@@ -100,7 +104,7 @@ def shown(s: AxisState) -> tuple[float, float]:
         return c.above.position, c.above.damping
     if c.reported < 0.0:
         return c.below.position, c.below.damping
-    return s.position, s.velocity
+    return s.position, s.end.smooth
 
 
 def hear_surface(s: AxisState, p: AxisParams) -> None:
@@ -170,13 +174,13 @@ def effort(s: AxisState, p: AxisParams, coast: float) -> float:
     k = p.end
     if k.follows:
         asked: float = k.stiffness * (s.position - e.far_position)
-        asked += k.damping * (s.velocity - e.far_velocity)
+        asked += k.damping * (e.smooth - e.far_velocity)
         asked -= k.force * e.far_effort
         if presses(e, asked):
             return clamp(asked, k.press + k.lead * math.fabs(e.far_effort))
         return asked
-    push: float = push_of(k.model, e.above, 1.0, s.position, s.velocity)
-    return push + push_of(k.model, e.below, -1.0, s.position, s.velocity)
+    push: float = push_of(k.model, e.above, 1.0, s.position, e.smooth)
+    return push + push_of(k.model, e.below, -1.0, s.position, e.smooth)
 
 
 def whole(s: AxisState, p: AxisParams, effort: float) -> float:
