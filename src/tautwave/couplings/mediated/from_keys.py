@@ -22,11 +22,11 @@ keep a tenth of white noise."""
 SMOOTHED_S = 3e-3
 """Time over which velocities are smoothed [s]: a twentieth of a period of the spring, 16 Hz."""
 
-PRESSES = 3.0
+PRESSES = 2.5
 """Times `touch`, which a slave in contact presses with whatever the master renders: enough to learn
-from, twice what begins a first estimate (`contact.FELT`)."""
+from, and more than what begins a first estimate (`contact.FELT`)."""
 
-LEAD = 1.5
+LEAD = 1.3
 """Times what the master renders, which it presses with beyond that. More than 1, so that it does
 not get stuck on a friction that it takes for a contact."""
 

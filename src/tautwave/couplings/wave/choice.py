@@ -61,7 +61,8 @@ QUIETER = 1.25
 FEWER = 8.0
 """Greatest factor by which the impedance is lowered to do without a plain port."""
 
-HALVINGS = 6
+HALVINGS, FEW_HALVINGS = 6, 2
+"""To within some percent of a factor of 8 and more, and of 1.25."""
 
 HAND_HZ = 5.0
 """Up to which a hand moves by will."""
@@ -206,15 +207,15 @@ def _impedance(asked: Asked, pair: WavePair) -> Choice:
     top = two_digits(bound.impedance)
     found, cause = top, f"bound by {bound.cause}"
     if min(asked.left.values()) > 0.0:
-        quieter = [(POLES[:count], top / QUIETER) for count in range(1, len(POLES) - 1)]
-        for poles, least in (*quieter, (POLES[:-1], top / FEWER), (POLES, top / SOFTER)):
+        tried = [(POLES[:count], QUIETER) for count in range(1, len(POLES) - 1)]
+        for poles, softer in (*tried, (POLES[:-1], FEWER), (POLES, SOFTER)):
             side = _blocked(asked, pair, poles, top)
             if not side:
                 break
-            low, high = least, top
+            low, high = top / softer, top
             if _blocked(asked, pair, poles, two_digits(low)):
                 continue
-            for _ in range(HALVINGS):
+            for _ in range(HALVINGS if softer > QUIETER else FEW_HALVINGS):
                 middle = math.sqrt(low * high)
                 stop = _blocked(asked, pair, poles, two_digits(middle))
                 low, high, side = (low, middle, stop) if stop else (middle, high, side)
