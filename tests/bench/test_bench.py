@@ -70,7 +70,7 @@ def test_think_parts_are_those_of_an_axis_that_is_well() -> None:
         for position in think.POSITIONS[:300]:
             close(position)
             receive()
-            assert not bench.one.stopping
+            assert not bench.pair.one.stopping
             assert not getattr(bench.one.end, "watched", False)
         assert bench.one.command != 0.0
 
