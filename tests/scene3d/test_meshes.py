@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from tautwave.cli import main
 from tautwave.config import load_rig, parse_rig
 from tautwave.errors import ConfigError
+from tautwave_scenes.config.mesh_files import read_mesh
 from tautwave_scenes.models.tissue.gmsh import gmsh_mesh
 from tautwave_scenes.models.tissue.mesh import block, shape_of
 from tautwave_scenes.networks.network import GROUND
 from tautwave_scenes.networks3d.elements import lay_elements
 from tautwave_scenes.rig.network3d import pruned_network3d
+from tautwave_scenes.session.plan import tissue_facts
 from tests.scene3d.tissues import SOFT, tissue
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -166,3 +172,154 @@ def test_the_arrays_of_elements_have_the_lengths_and_blocks_that_they_say():
         assert turn == np.eye(3).ravel().tolist() * e
     for zero in (t.strain, t.held, t.next_strain, t.tangent, t.kept, t.dissipated):
         assert not any(zero)
+
+
+# -- physical groups, other files, size and mass --------------------------------------------------
+
+
+def grouped():
+    """Return a block as Gmsh writes it, with its -x face as the group `root`, one point as 7."""
+    mesh = block((0.1, 0.02, 0.02), (4, 1, 1))
+    text = gmsh(mesh)
+    left = [7 * at + 3 for at, (x, _, _) in enumerate(mesh.nodes) if x == 0.0]
+    count = len(mesh.tetrahedra)
+    more = [
+        f"{count + 2} 2 2 5 1 {left[0]} {left[1]} {left[2]}",
+        f"{count + 3} 2 2 5 1 {left[1]} {left[2]} {left[3]}",
+        f"{count + 4} 15 2 7 1 10",
+    ]
+    text = text.replace(f"\n{count + 1}\n1 2 2", f"\n{count + 4}\n1 2 2")
+    text = text.replace("\n$EndElements", "\n" + "\n".join(more) + "\n$EndElements")
+    names = '$PhysicalNames\n1\n2 5 "root"\n$EndPhysicalNames\n$Nodes'
+    return mesh, text.replace("$Nodes", names, 1)
+
+
+def rig_of(keys):
+    """Return the shipped tissue with other keys of its shape."""
+    text = (CONFIGS / "scene-tissue.yaml").read_text()
+    text = text.replace(BLOCK, keys.replace(", ", "\n      ")).replace('clamped: ["-x"]', "")
+    return parse_rig(text, CONFIGS / "it.yaml")
+
+
+def test_physical_groups_are_clamped_by_name(tmp_path):
+    path = tmp_path / "arm.msh"
+    path.write_text(grouped()[1])
+    rig = rig_of(f"mesh: {path}, clamped: [root]")
+    by_face = rig_of(f"mesh: {path}, clamped: ['-x']")
+    assert rig.scene.rim_of("beam") == by_face.scene.rim_of("beam")
+    assert len(rig.scene.rim_of("beam")) == 4
+    assert rig_of(f"mesh: {path}, clamped: ['7']").scene.rim_of("beam") == {"beam2"}
+    with pytest.raises(ConfigError, match=r"'stem' is neither a face nor a physical group .*root"):
+        rig_of(f"mesh: {path}, clamped: [stem]")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "binary"),
+    [
+        ("a.msh", "gmsh", True), ("b.msh", "gmsh22", True), ("c.msh", "gmsh", False),
+        ("d.vtk", "vtk", True), ("e.vtu", "vtu", True),
+    ],
+)  # fmt: skip
+def test_other_files_are_the_same_body(tmp_path, name, kind, binary):
+    meshio = pytest.importorskip("meshio")
+    mesh, _ = grouped()
+    count = len(mesh.tetrahedra)
+    tags = {"gmsh:physical": [np.full(count, 3)], "gmsh:geometrical": [np.full(count, 1)]}
+    written = meshio.Mesh(
+        np.array(mesh.nodes),
+        [("tetra", np.array(mesh.tetrahedra))],
+        cell_data=tags,
+        field_data={"body": np.array([3, 3])},
+    )
+    meshio.write(tmp_path / name, written, file_format=kind, binary=binary)
+    found = read_mesh(tmp_path / name)
+    assert np.array(found.nodes) == pytest.approx(np.array(mesh.nodes), abs=1e-7)
+    assert volumes(found) == pytest.approx(volumes(mesh), rel=1e-5)
+    if kind != "gmsh":  # meshio writes no groups into version 4.1
+        named = "body" if kind == "gmsh22" else "3"
+        assert dict(found.groups) == {named: tuple(range(len(mesh.nodes)))}
+
+
+VERSION_4 = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+2
+2 5 "root"
+3 3 "body"
+$EndPhysicalNames
+$Entities
+0 0 1 1
+1 0 0 0 1 1 1 1 5 0
+1 0 0 0 1 1 1 1 3 0
+$EndEntities
+$Nodes
+1 4 1 4
+3 1 0 4
+1
+2
+3
+4
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+$EndNodes
+$Elements
+2 2 1 2
+2 1 2 1
+1 1 2 3
+3 1 4 1
+2 1 2 3 4
+$EndElements
+"""
+
+
+def test_groups_of_version_4_come_along(tmp_path):
+    """A tetrahedron as the manual of Gmsh lays out a file of version 4.1."""
+    pytest.importorskip("meshio")
+    (tmp_path / "a.msh").write_text(VERSION_4)
+    found = read_mesh(tmp_path / "a.msh")
+    assert volumes(found) == pytest.approx([1.0 / 6.0])
+    assert dict(found.groups) == {"root": (0, 1, 2), "body": (0, 1, 2, 3)}
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.vtk", b"no mesh", "is damaged, or no mesh that meshio reads"),
+        ("b.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n9", "is damaged, or no mesh"),
+        ("c.stl", b"solid", "meshes are .msh, .vtk, .vtu files"),
+    ],
+)
+def test_damaged_files_are_refused_by_name(tmp_path, name, content, said):
+    pytest.importorskip("meshio")
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=f"^{name}.*{said}"):
+        read_mesh(tmp_path / name)
+
+
+def test_without_meshio_its_extra_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "meshio", None)
+    monkeypatch.setitem(sys.modules, "meshio.vtk", None)
+    (tmp_path / "a.vtk").write_bytes(b"# vtk DataFile Version 5.1")
+    with pytest.raises(ConfigError, match=r"needs meshio: pip install 'tautwave\[meshes\]'"):
+        read_mesh(tmp_path / "a.vtk")
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [(1.0, "0.1 x 0.02 x 0.02 m, 0.04 kg"), (100.0, "4e+04 kg; doubtful"), (1e-3, "doubtful")],
+)
+def test_size_and_mass_are_said_and_doubted(tmp_path, scale, said):
+    (tmp_path / "arm.msh").write_text(grouped()[1])
+    rig = rig_of(f"mesh: {tmp_path / 'arm.msh'}, scale: {scale}, clamped: ['-x']")
+    ((name, text),) = tissue_facts(rig)
+    assert name == "beam"
+    assert said in text
+    assert ("doubtful" in text) == (scale != 1.0)
+
+
+def test_check_says_it_on_its_first_screen():
+    done = CliRunner().invoke(main, ["check", str(CONFIGS / "scene-tissue.yaml")])
+    assert re.search(r"tissue beam +0.1 x 0.02 x 0.02 m, 0.04 kg\n", done.output)

@@ -13,7 +13,7 @@ from tautwave.errors import ConfigError
 from tautwave_scenes.config.checks import check_between, named_ends
 from tautwave_scenes.config.keys3d import Scene3d, Vector, mesh_of
 from tautwave_scenes.config.sounds import check_sound
-from tautwave_scenes.models.tissue.mesh import on_faces, shape_of
+from tautwave_scenes.models.tissue.mesh import FACES, on_faces, shape_of
 
 GROUND = "ground"
 SPACE_ONLY = (
@@ -96,6 +96,14 @@ def _check_tissues(document: Document, scene: Scene3d) -> bool:
                 shape_of([mesh.nodes[node] for node in corners], f"tetrahedron {number + 1}")
         except (ConfigError, ValueError) as err:
             document.report((*path, "block" if keys.mesh is None else "mesh"), str(err))
+            good = False
+            continue
+        known = (*FACES, *(group for group, _ in mesh.groups))
+        if wrong := next((one for one in keys.clamped if one not in known), None):
+            document.report(
+                (*path, "clamped"),
+                f"{wrong!r} is neither a face nor a physical group of the mesh: {', '.join(known)}",
+            )
             good = False
             continue
         if len(on_faces(mesh, keys.clamped)) == len(mesh.nodes):

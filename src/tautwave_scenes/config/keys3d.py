@@ -17,7 +17,6 @@ from pydantic_core import PydanticCustomError
 from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.config.keys.control import ControlKeys
 from tautwave.errors import ConfigError
-from tautwave.reading import read_file
 from tautwave_scenes.config.keys import (
     BowLink,
     ContactLink,
@@ -38,7 +37,7 @@ from tautwave_scenes.config.keys import (
     SpringLink,
     TapForce,
 )
-from tautwave_scenes.models.tissue.gmsh import gmsh_mesh
+from tautwave_scenes.config.mesh_files import read_mesh
 from tautwave_scenes.models.tissue.mesh import CELL, MAX_TETRAHEDRA, Mesh, block, on_faces, placed
 
 Vector = tuple[float, float, float]
@@ -99,7 +98,8 @@ class Tissue3d(Block):
     block: Cells | None = Field(default=None, description="A box; or give `mesh`.")
     mesh: str | None = Field(
         default=None,
-        description="Gmsh file (.msh, format 2.2, ASCII) of tetrahedra; or give `block`.",
+        description="Gmsh (.msh) or VTK (.vtk, .vtu) file of tetrahedra; or give `block`. All but "
+        "Gmsh 2.2 in ASCII need meshio (`tautwave[meshes]`).",
     )
     scale: Positive = Field(default=1.0, description="[m] Length of the mesh file's unit.")
     position: Vector = Field(default=ZERO, description="[m] Where the mesh's origin is.")
@@ -115,8 +115,10 @@ class Tissue3d(Block):
     damping: NonNegative = Field(
         default=0.0, description="[1/s] Damping to ground, as a share of the mass."
     )
-    clamped: list[Literal["-x", "+x", "-y", "+y", "-z", "+z"]] = Field(
-        default_factory=list, description="Faces of the box around it whose nodes are fixed."
+    clamped: list[str] = Field(
+        default_factory=list,
+        description="Whose nodes are fixed: faces of the box around it (-x, +x, -y ...), or "
+        "physical groups of its mesh file by name.",
     )
 
 
@@ -326,7 +328,7 @@ def mesh_of(keys: Tissue3d) -> Mesh:
             raise ConfigError(f"{path.name} cannot be read: {err.strerror}") from err
         except UnicodeDecodeError as err:
             wanted = "save it from Gmsh as version 2 ASCII"
-            raise ConfigError(f"{path.name} is binary; {wanted}") from err
+            raise ConfigError(f"{path.name} is not ASCII as it says; {wanted}") from err
         except ValueError as err:
             raise ConfigError(str(err)) from err
         return placed(mesh, keys.scale, keys.position)
@@ -334,13 +336,9 @@ def mesh_of(keys: Tissue3d) -> Mesh:
     return block(keys.block.size, keys.block.cells, keys.position)
 
 
-LARGEST_MESH = 64 * 1024 * 1024
-"""[bytes] A million tetrahedra, many more than a run can step."""
-
-
 @functools.lru_cache(maxsize=8)
 def _read_mesh(path: Path, _: int) -> Mesh:
-    return gmsh_mesh(read_file(path, LARGEST_MESH).decode("ascii"), path.name)
+    return read_mesh(path)
 
 
 def scene_kind(value: Any) -> str:

@@ -13,7 +13,7 @@ from tautwave_scenes.rig.network import hold_claim, keys_of, scheme_choice
 from tautwave_scenes.rig.network import keep_sounds as keep_files
 from tautwave_scenes.runtime.axes import SceneControl
 from tautwave_scenes.session.pace import choose_engine, hold_fact, pace_fact, use_engine
-from tautwave_scenes.session.plan import plan
+from tautwave_scenes.session.plan import plan, tissue_facts
 
 __all__ = [
     "choose_engine",
@@ -37,8 +37,9 @@ def words(rig: Rig) -> str:
 
 
 def facts(rig: Rig) -> list[tuple[str, str]]:
-    """Return the cost of a cycle, and the bound on the energy of held efforts."""
-    return [("scene time", pace_fact(rig)), ("scene limit", hold_fact(rig))]
+    """Return what tissues weigh, the cost of a cycle, and the bound on held efforts' energy."""
+    tissues = [(f"tissue {name}", text) for name, text in tissue_facts(rig)]
+    return [*tissues, ("scene time", pace_fact(rig)), ("scene limit", hold_fact(rig))]
 
 
 def prompt_claim(rig: Rig, delays: Mapping[str, CommandDelay]) -> float:

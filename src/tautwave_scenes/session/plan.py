@@ -8,7 +8,8 @@ from typing import NamedTuple
 from tautwave.config import Rig
 from tautwave.session.plan import NOT_IN_RIG
 from tautwave_scenes.config.keys import Scene
-from tautwave_scenes.config.keys3d import Scene3d
+from tautwave_scenes.config.keys3d import Scene3d, mesh_of
+from tautwave_scenes.models.tissue.mesh import shape_of
 
 
 class Line(NamedTuple):
@@ -72,6 +73,31 @@ def _scene3d(rig: Rig) -> Iterator[Line]:
     pulls = ", ".join(f"{part:g}" for part in network.gravity)
     yield Line("gravity", any(network.gravity), f"[{pulls}] m/s^2", "0")
     yield from _around(keys, pruned.left_out)
+
+
+LONG_M, HEAVY_KG, SHORT_M = 2.0, 50.0, 1e-3
+"""A tissue beyond these is doubted: a wrong unit of length makes 8,000 t of a liver, or 8 mg."""
+
+
+def tissue_facts(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield each tissue, its size and mass, with a doubt where they are implausible."""
+    if not isinstance(rig.scene, Scene3d):
+        return
+    for name, keys in rig.scene.tissues.items():
+        mesh = mesh_of(keys)
+        size = [max(edge) - min(edge) for edge in zip(*mesh.nodes, strict=True)]
+        volume = sum(
+            shape_of([mesh.nodes[node] for node in one], name)[1] for one in mesh.tetrahedra
+        )
+        mass = keys.density * volume
+        text = " x ".join(f"{edge:.3g}" for edge in size) + f" m, {mass:.3g} kg"
+        if max(size) > LONG_M or mass > HEAVY_KG or max(size) < SHORT_M:
+            text += (
+                "; doubtful: is `scale` the length of the file's unit in m (0.001 for mm)?"
+                if keys.mesh is not None
+                else "; doubtful: sizes are in m, densities in kg/m^3"
+            )
+        yield name, text
 
 
 def _around(keys: Scene | Scene3d, sentences: Iterable[str]) -> Iterator[Line]:

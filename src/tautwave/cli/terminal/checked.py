@@ -96,6 +96,7 @@ def _facts(result: Any) -> Iterator[Fact]:
     for label in ("rate", "coupling", "scales", "scene limit"):
         if label in facts:
             yield label, facts[label]
+    yield from (one for one in result.facts if one[0].startswith("tissue "))
     if "claims" in facts:  # of an operated rig
         yield "claims", facts["claims"].partition(";")[0]
     ways: dict[str, list[str]] = {}

@@ -1,19 +1,20 @@
 """Mesh files: Gmsh's format 2.2 in ASCII, of linear tetrahedra. Others are refused by name.
 
-Source: Gmsh reference manual, legacy MSH file format version 2. Only `$MeshFormat`, `$Nodes` and
-`$Elements` are read; points, lines and triangles, which mark boundaries, are skipped, as are nodes
-of no tetrahedron. Tetrahedra that are numbered the other way round are righted.
+Source: Gmsh reference manual, legacy MSH file format version 2. `$MeshFormat`, `$PhysicalNames`,
+`$Nodes` and `$Elements` are read; points, lines and triangles say which nodes a physical group has.
+Nodes of no tetrahedron are left out. Tetrahedra that are numbered the other way round are righted.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Iterator, NamedTuple  # noqa: UP035 - models import arithmetic only
+from typing import Iterable, Iterator, Mapping, NamedTuple, Sequence  # noqa: UP035 - models import arithmetic only
 
 from tautwave_scenes.models.tissue.mesh import MAX_TETRAHEDRA, Corners, Mesh, doubled_face, righted
 
 _TETRAHEDRON = 4
 _SKIPPED = {1: "lines", 2: "triangles", 15: "points"}
+_DIMENSIONS = {15: 0, 1: 1, 2: 2, _TETRAHEDRON: 3}
 _KINDS = {
     3: "quadrangles",
     5: "hexahedra",
@@ -41,7 +42,17 @@ def gmsh_mesh(text: str, name: str) -> Mesh:
             f"{name} has mesh format {found}; save it from Gmsh as version 2 ASCII (2.2 0)"
         )
     parts = _parts(name, sections.get("Nodes", []), sections.get("Elements", []))
-    return _mesh(name, parts.places, parts.tetrahedra)
+    groups = {_name(sections, key): nodes for key, nodes in parts.groups.items()}
+    return numbered_mesh(name, parts.places, parts.tetrahedra, groups)
+
+
+def _name(sections: dict[str, list[str]], key: tuple[int, int]) -> str:
+    """Return the name of a physical group, of a dimension and a number; the number without one."""
+    for line in sections.get("PhysicalNames", [])[1:]:
+        words = line.split(maxsplit=2)
+        if len(words) == 3 and words[:2] == [str(key[0]), str(key[1])]:
+            return words[2].strip().strip('"')
+    return str(key[1])
 
 
 def _sections(lines: Iterator[str]) -> Iterator[tuple[str, list[str]]]:
@@ -58,10 +69,14 @@ def _sections(lines: Iterator[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 class _Parts(NamedTuple):
-    """Nodes by their number, and the nodes of each tetrahedron."""
+    """Nodes by their number, the nodes of each tetrahedron, and of each physical group.
+
+    A group has the dimension and the number of Gmsh.
+    """
 
     places: dict[int, tuple[float, float, float]]
     tetrahedra: list[tuple[int, ...]]
+    groups: dict[tuple[int, int], set[int]]
 
 
 def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
@@ -69,17 +84,22 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
     places = {}
     found: list[tuple[int, ...]] = []
     strange: list[int] = []
+    groups: dict[tuple[int, int], set[int]] = {}
     try:
         for line in nodes[1:]:
             number, x, y, z = line.split()[:4]
             places[int(number)] = (float(x), float(y), float(z))
         for line in elements[1:]:
             numbers = [int(word) for word in line.split()]
+            corners = numbers[3 + numbers[2] :]
             if numbers[1] == _TETRAHEDRON:
-                a, b, c, d = numbers[3 + numbers[2] :]
+                a, b, c, d = corners
                 found.append((a, b, c, d))
             elif numbers[1] not in _SKIPPED:
                 strange.append(numbers[1])
+            if numbers[2] and numbers[3] and numbers[1] in _DIMENSIONS:
+                group = groups.setdefault((_DIMENSIONS[numbers[1]], numbers[3]), set())
+                group.update(corners)
         whole = len(places) == int(nodes[0]) and len(elements) - 1 == int(elements[0])
     except (ValueError, IndexError) as err:
         raise ValueError(f"{name} is damaged: {err} in its nodes or elements") from err
@@ -88,15 +108,33 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
         raise ValueError(f"{name} holds {what}: only linear tetrahedra are supported")
     if not whole:
         raise ValueError(f"{name} is truncated: it holds fewer nodes or elements than it declares")
-    return _Parts(places, found)
+    return _Parts(places, found, groups)
 
 
-def _mesh(
+def numbered_mesh(
     name: str,
     places: dict[int, tuple[float, float, float]],
-    found: list[tuple[int, ...]],
+    found: Sequence[tuple[int, ...]],
+    groups: Mapping[str, Iterable[int]],
 ) -> Mesh:
-    """Return the mesh of tetrahedra, numbered anew, without nodes that none has."""
+    """Return the mesh of tetrahedra, numbered anew, without nodes that none has.
+
+    Parameters
+    ----------
+    name : str
+        Of the file.
+    places : dict
+        Place of each node, in the file's unit of length.
+    found : sequence
+        Four nodes of each tetrahedron.
+    groups : mapping
+        Nodes of each physical group.
+
+    Raises
+    ------
+    ValueError
+        There are none or too many, one has an unknown node, two overlap, or a node is not finite.
+    """
     for number, place in places.items():
         if not all(math.isfinite(part) for part in place):
             raise ValueError(f"{name}: node {number} is not finite")
@@ -121,4 +159,8 @@ def _mesh(
             f"{name}: two tetrahedra lie on the same side of the face of nodes {numbers}: they "
             "overlap, or one is there twice; mesh the part again"
         )
-    return Mesh(where, tuple(tetrahedra))
+    kept = {
+        group: tuple(sorted(order[node] for node in nodes if node in order))
+        for group, nodes in groups.items()
+    }
+    return Mesh(where, tuple(tetrahedra), tuple(sorted(kept.items())))

@@ -24,10 +24,14 @@ _EVEN = (
 
 
 class Mesh(NamedTuple):
-    """Nodes [m], and tetrahedra as four numbers of nodes each, of positive volume."""
+    """Nodes [m], and tetrahedra as four numbers of nodes each, of positive volume.
+
+    `groups` are numbers of nodes by the name that the file has for them.
+    """
 
     nodes: tuple[Vector, ...]
     tetrahedra: tuple[Corners, ...]
+    groups: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
 
 def block(size: Vector, cells: tuple[int, int, int], corner: Vector = (0.0, 0.0, 0.0)) -> Mesh:
@@ -71,7 +75,7 @@ def placed(mesh: Mesh, scale: float, position: Vector) -> Mesh:
     """Return a mesh `scale` times as large, with its origin at `position` [m]."""
     x, y, z = position
     nodes = tuple((x + scale * a, y + scale * b, z + scale * c) for a, b, c in mesh.nodes)
-    return Mesh(nodes, mesh.tetrahedra)
+    return mesh._replace(nodes=nodes)
 
 
 def righted(nodes: tuple[Vector, ...], corners: Corners) -> Corners:
@@ -100,9 +104,20 @@ def doubled_face(tetrahedra: Sequence[Corners]) -> tuple[int, ...] | None:
 
 
 def on_faces(mesh: Mesh, faces: Iterable[str]) -> set[int]:
-    """Return the numbers of the nodes on faces of the box around a mesh, one of `FACES` each."""
+    """Return the numbers of the nodes on faces of the box around a mesh, or of its groups.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    faces : iterable of str
+        One of `FACES` each, or the name of a group; a name that is neither has no nodes.
+    """
     found: set[int] = set()
+    groups = dict(mesh.groups)
     for face in faces:
+        if face not in FACES:
+            found |= set(groups.get(face, ()))
+            continue
         c = "xyz".index(face[1])
         places = [node[c] for node in mesh.nodes]
         low, high = min(places), max(places)
