@@ -113,17 +113,17 @@ def test_an_axis_that_let_go_ends_the_run(law: str) -> None:
 
 
 def test_what_stands_apart_is_cut_steadily() -> None:
-    assert is_apart(P, 100 * 2.0, 100 * 0.9)
-    assert is_apart(P, -100 * 2.0, -100 * 0.9)
-    assert not is_apart(P, 100 * 2.0, 100 * 1.1)
+    assert is_apart(P, 100 * 2.0, 100 * 0.7)
+    assert is_apart(P, -100 * 2.0, -100 * 0.7)
+    assert not is_apart(P, 100 * 2.0, 100 * 0.9)
     assert not is_apart(P, 100 * 0.1, -100 * 0.3)  # nobody felt that
     assert is_apart(P, 100 * 0.1, -100 * 0.5)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("left", [0.0, 0.5, 0.8])
+@pytest.mark.parametrize("left", [0.0, 0.45, 0.8])
 def test_a_pair_that_stands_apart_for_its_account_ends_the_run(left: float) -> None:
-    """With what half of the effort needs; with four fifths it stays, with nothing it is limp."""
+    """With what less than half of it needs; with four fifths it stays, with nothing it is limp."""
     rig = rig_of(pressing("position", {"duration_s": 14.0}))
     built = build_rig(rig, clock="fake")
     account = built.control.params[list(rig.axes).index("slave.a")].end.account

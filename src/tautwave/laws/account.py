@@ -73,7 +73,7 @@ HELD_SHARE = 0.25
 PATIENCE = 2
 """Seconds in succession in which it lets less through, after which it has let go."""
 
-APART_SHARE = 0.5
+APART_SHARE = 0.4
 """Of the effort that a law asks for on average, what an end lets through at least to follow."""
 
 APART_S = 10
