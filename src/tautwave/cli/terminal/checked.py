@@ -272,10 +272,17 @@ _SPECIFIC = re.compile(
 )
 """Numbers, axes and buses, in which texts of one kind differ."""
 
+_FOLDER = re.compile(r"(?<!\S)/\S*/")
+"""Before a file's name: a screen has no room for it."""
+
 
 def _open(result: Any) -> Iterator[str]:
     """Yield what devices' files foresee and conditions of the required verdict, of a kind once."""
-    notes = [text for label, text in result.facts if re.fullmatch(r"bus .*, note \d+", label)]
+    notes = [
+        _FOLDER.sub("", text)
+        for label, text in result.facts
+        if re.fullmatch(r"bus .*, note \d+", label)
+    ]
     certificate = result.certificate
     required = (certificate.get("verdicts") or {}).get(certificate.get("require"))
     conditions = required["conditions"] if required and required["passed"] else []
