@@ -71,8 +71,8 @@ def test_think_parts_are_those_of_an_axis_that_is_well() -> None:
             close(position)
             receive()
             assert not bench.pair.one.stopping
-            assert not getattr(bench.one.end, "watched", False)
-        assert bench.one.command != 0.0
+            assert not getattr(bench.pair.one.end, "watched", False)
+        assert bench.pair.one.command != 0.0
 
 
 def test_think_parts_cost_something() -> None:
