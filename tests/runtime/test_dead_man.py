@@ -11,7 +11,7 @@ import pytest
 from tautwave.config.keys.key_codes import CODES
 from tautwave.config.keys.operate import Word
 from tautwave.errors import ConfigError, DriverError
-from tautwave.runtime.operate.commands import PAYLOAD, TOGGLE, WORDS, Order, Script
+from tautwave.runtime.operate.commands import ENDINGS, PAYLOAD, TOGGLE, WORDS, Order, Script
 from tautwave.runtime.operate.key_device import DROPPED, EVENT, KEY, SYN, KeyDevice
 from tautwave.runtime.operate.mailbox import HELD, LOOSE, Kept
 from tautwave.runtime.operate.states import SCALE
@@ -47,7 +47,7 @@ def pedal(tmp_path: Path) -> Pedal:
 
 def test_the_words_of_a_rig_file_are_those_of_the_controller() -> None:
     # A key has no argument.
-    assert set(typing.get_args(Word)) == {TOGGLE, *WORDS} - {SCALE, PAYLOAD}
+    assert set(typing.get_args(Word)) == {TOGGLE, *WORDS, *ENDINGS} - {SCALE, PAYLOAD}
 
 
 def test_a_press_is_a_command_and_repeats_are_none(pedal: Pedal) -> None:
