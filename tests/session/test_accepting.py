@@ -355,6 +355,11 @@ def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
 
 
 def with_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
+    for _ in ids:
+        talk.hears("hold it loosely")
+        talk.types()
+        talk.hears("which way did it go")
+        talk.types("+")
     talk.hears("is moved both ways")
     talk.types()
     talk.hears("gets a tenth")

@@ -12,11 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tautwave.cli.rigs import accept as command
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DeviceFault
 from tautwave.runtime.sensing import LoopBus
 from tautwave.session.acceptance.accepted import accepted_path, comparing, keep_accepted
+from tautwave.session.acceptance.accepting import STAGES
 from tautwave.session.acceptance.document import Check
+from tautwave.session.acceptance.ladder import SEEN, TOUCH, touches
 from tautwave.session.acceptance.motion import MAX_SHARE, MAX_SPEED, TOO_FAR, motions
 from tautwave.session.guided.control import GuidedControl
 from tests.session.test_calibrating import BENCH
@@ -261,3 +264,61 @@ def test_a_velocity_the_other_way_or_in_other_units_is_told(
         else:
             assert check.measured.get("against the command", "") == told
     assert device.travel <= TOO_FAR["rotary"]
+
+
+# -- the first touch -------------------------------------------------------------------------
+
+
+class Told(Device):
+    """A device whose person answers in turn."""
+
+    def __init__(self, *answers: str, **more: Any) -> None:
+        super().__init__(**more)
+        self.answers = ["", *answers]
+        self.asked: list[str] = []
+
+    def ask(self, question: str) -> Any:
+        self.asked.append(question)
+        yield
+        return self.answers.pop(0)
+
+
+def touched(device: Any, rig: Rig, axis: str) -> Check:
+    guide = touches(rig, [axis], cast(GuidedControl, device))
+    while True:
+        try:
+            next(guide)
+        except StopIteration as ended:
+            (check,) = ended.value
+            return cast(Check, check)
+        device.pass_slot()
+
+
+@pytest.mark.parametrize(
+    ("answers", "more", "good"),
+    [
+        (["+"], {}, True),
+        (["0"], {}, True),
+        (["-"], {}, False),
+        (["what?", "", "+"], {}, True),
+        (["+"], {"position": -1}, False),
+        (["+"], {"commands": -1}, False),
+        (["0"], {"coulomb": LIMIT}, True),  # friction holds it: the next stages push harder
+        (["0"], {"commands": -1}, False),
+    ],
+)
+def test_a_first_touch_is_light_and_goes_the_way_that_was_felt(
+    answers: list[str], more: dict[str, Any], good: bool
+) -> None:
+    device = Told(*answers, **more)
+    check = touched(device, RIG, AXIS)
+    assert check.good is good, check
+    assert check.measured["felt"] == answers[-1]
+    assert device.most <= TOUCH * LIMIT * (1.0 + 1e-9)
+    assert device.travel <= TOO_FAR["rotary"]
+    assert device.pushed == 0.0
+    assert len(device.asked) == 1 + len(answers)
+
+
+def test_every_stage_says_what_has_to_be_seen() -> None:
+    assert tuple(SEEN) == STAGES == command.STAGES

@@ -20,7 +20,8 @@ from tautwave.errors import ConfigError
 
 KEEP = ("names", "serial", "paths", "hosts")
 STAGES = (
-    "identity", "hand", "limits", "noise", "watchdog", "motion", "delay", "effort", "gentle", "full"
+    "identity", "hand", "limits", "noise", "watchdog", "touch", "motion", "delay", "effort",
+    "gentle", "full",
 )  # fmt: skip
 
 
@@ -93,13 +94,14 @@ def accept(
     """Run acceptance tests on the devices of RIG, stage by stage from low to high risk.
 
     Without torque: identity, sign and scale by hand, limits. Enabled with zero effort: noise at
-    rest, the watchdog by unplugging the cable. With effort: small motions both ways against all
-    signs, delay by a step, effort with a spring scale, then the coupled rig at a tenth of its
-    effort and at full effort. The first failed stage ends it with exit code 6. acceptance.json
-    holds every result, sealed by the SHA-256 of every recording and of itself; --keys signs it, and
-    with --verify shows who signed. Real devices that passed identity and motion are kept in
-    RIG.accepted.json beside RIG, and compared in every run. --share writes one file that may be
-    handed on, after it was printed in full: no names, hosts, users, paths or serial numbers.
+    rest, the watchdog by unplugging the cable. With effort: a light pull in your hand, small
+    motions both ways against all signs, delay by a step, effort with a spring scale, then the
+    coupled rig at a tenth of its effort and at full effort. The first failed stage ends it with
+    exit code 6. acceptance.json holds every result, sealed by the SHA-256 of every recording and of
+    itself; --keys signs it, and with --verify shows who signed. Real devices that passed identity
+    and motion are kept in RIG.accepted.json beside RIG, and compared in every run. --share writes
+    one file that may be handed on, after it was printed in full: no names, hosts, users, paths or
+    serial numbers.
 
     \b
     Examples:

@@ -18,6 +18,7 @@ from tautwave.rig.ways import Way
 from tautwave.session.acceptance import guides
 from tautwave.session.acceptance.accepted import NEEDED, keep_accepted
 from tautwave.session.acceptance.document import TRAFFIC, Check, write_sealed
+from tautwave.session.acceptance.ladder import SEEN, touches
 from tautwave.session.acceptance.motion import motions
 from tautwave.session.checking import bus_budgets
 from tautwave.session.guided.control import GuidedControl
@@ -32,7 +33,8 @@ from tautwave.session.running import run as run_rig
 from tautwave.traffic import Traffic, recorded
 
 STAGES = (
-    "identity", "hand", "limits", "noise", "watchdog", "motion", "delay", "effort", "gentle", "full"
+    "identity", "hand", "limits", "noise", "watchdog", "touch", "motion", "delay", "effort",
+    "gentle", "full",
 )  # fmt: skip
 """In rising risk: nothing has torque in the first three, nothing is commanded up to the fifth."""
 
@@ -81,7 +83,7 @@ def accept(
     notes: dict[str, list[str]] = {}
     ended = ""
     for stage in asked.stages:
-        talk.say(f"-- {stage}")
+        talk.say(f"-- {stage}: {SEEN[stage]}")
         try:
             with recorded(TRAFFIC_S) as traffic:
                 found = list(_stage(stage, rig, asked, talk, out / stage, ways, said, notes))
@@ -181,6 +183,7 @@ def _stage(
         "hand": lambda control: guides.sign_and_scale(rig, asked.axes, control),
         "limits": lambda control: guides.ranges(rig, asked.axes, control),
         "noise": lambda control: guides.noise(rig, asked.axes, control),
+        "touch": lambda control: touches(rig, asked.axes, control),
         "motion": lambda control: motions(rig, asked.axes, control),
         "delay": lambda control: guides.delays(rig, asked.axes, control),
         "effort": lambda control: guides.efforts(rig, asked.axes, control),

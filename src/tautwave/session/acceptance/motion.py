@@ -77,10 +77,10 @@ def motions(
         axis = rig.axes[name]
         for way, word in ((1.0, "forward"), (-1.0, "back")):
             if axis.causality == "impedance":
-                pushed = yield from _push(axis, name, way, control)
+                pushed = yield from push(axis, name, way, control)
                 checks.append(judged(f"{name} {word}", pushed, axis))
             else:
-                driven = yield from _drive(axis, name, way, control)
+                driven = yield from drive(axis, name, way, control)
                 checks.append(judged_drive(f"{name} {word}", driven, axis))
     return checks
 
@@ -129,7 +129,7 @@ def _step_of(axis: Axis) -> float:
     return max(axis.encoder_quantum, axis.position_noise)
 
 
-def _drive(
+def drive(
     axis: Axis, name: str, way: float, control: GuidedControl
 ) -> Generator[None, None, Driven]:
     """Command a small velocity until it should have gone far enough, or has gone too far."""
@@ -159,10 +159,13 @@ def _drive(
     return Driven(commanded, moved, _last(velocities), max(travel, abs(moved)))
 
 
-def _push(
-    axis: Axis, name: str, way: float, control: GuidedControl
+def push(
+    axis: Axis, name: str, way: float, control: GuidedControl, most: float = MAX_SHARE
 ) -> Generator[None, None, Pushed]:
-    """Push with an effort that grows until the axis has moved, then take the impulse back."""
+    """Push with an effort that grows until the axis has moved, then take the impulse back.
+
+    `most` is the greatest share of the effort limit.
+    """
     period = 1e-9 * control.run.period_ns
     far = max(FAR[axis.kind], STEPS_SEEN * _step_of(axis))
     yield from _wait(control, PAUSE_S)
@@ -171,7 +174,7 @@ def _push(
     velocities: list[float] = []
     efforts: list[float] = []
     while abs(moved) < far and control.now_ns - begun < 1e9 * GROW_S:
-        share = MAX_SHARE * max(control.now_ns - begun, 0) / (1e9 * GROW_S)
+        share = most * max(control.now_ns - begun, 0) / (1e9 * GROW_S)
         control.push(name, way * share * axis.effort_limit)
         yield
         impulse += share * axis.effort_limit * period
