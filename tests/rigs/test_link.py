@@ -113,7 +113,7 @@ def test_silence_is_a_hold_and_both_meet_again() -> None:
     second = silent & (np.arange(len(silent)) > 300)
     assert np.abs(owed[second]).min() > 0.01
     assert np.ptp(owed[second]) == 0.0
-    once = run_rig(tree(HELD, link(outage_at_s=0.1, outage_s=0.15), slow, {"duration_s": 1.2}))
+    once = run_rig(tree(HELD, link(outage_at_s=0.1, outage_s=0.15), slow, {"duration_s": 1.3}))
     paid = np.diff(np.abs(once["slave.a.link_backlog"][250:400]))
     assert -paid.min() == pytest.approx(1e-3, rel=0.01)
     assert np.abs(once["slave.a.link_backlog"][-1]) < 1e-6
