@@ -12,6 +12,8 @@ from tautwave.cli.terminal.screen import LINES, line_count
 from tautwave.cli.terminal.show import GOOD, NOTE, plain_text
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.report.run.operation import collapsed
+from tautwave.report.run.rundir import Run
+from tautwave.report.run.verdicts import outcome, verdicts
 from tautwave.summary import summary_of
 from tautwave.summary.ending import eventful, events, first_cause
 from tautwave.summary.model import Summary
@@ -51,6 +53,20 @@ def test_a_bad_day_does_not_look_good() -> None:
     head = summary_sections("rig", summary, Path(), 0, verbose=False)[0]
     assert head.style == f"bold {NOTE}"
     assert "engaged 11 s of 113 s, 188 faults" in head.title
+
+
+def test_a_report_says_what_happened_before_any_joule() -> None:
+    run = Run(Path(), {}, "", bad_day())
+    assert outcome(run).status == "note"
+    found = verdicts(run)
+    assert [one.topic for one in found[:3]] == ["Tracking", "What happened", "Energy books"]
+    assert found[1].status == "note"
+    assert found[1].sentences == (
+        "Engaged 11 s of 113 s, 188 faults.",
+        "First: master.wrist: no power, after 2 s.",
+    )
+    assert outcome(Run(Path(), {}, "", made())).status == "ok"
+    assert "What happened" not in [one.topic for one in verdicts(Run(Path(), {}, "", made()))]
 
 
 def test_a_good_day_is_green() -> None:
