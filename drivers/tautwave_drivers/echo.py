@@ -40,7 +40,7 @@ class Unechoed:
         if data[:count] == self._expected[:count]:
             del self._expected[:count]
             return data[count:]
-        self._expected.clear()  # disturbed by another that spoke: nothing of it is to be believed
+        self._expected.clear()  # disturbed by another that spoke: nothing of it is credible
         return data
 
     def close(self) -> None:

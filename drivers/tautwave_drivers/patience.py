@@ -2,7 +2,7 @@
 
 The answer may come from a program on the same host, a simulated device or a gateway, which is
 scheduled twice where this one is scheduled once. A device that is not there is still not waited for
-for ever.
+indefinitely.
 """
 
 from __future__ import annotations

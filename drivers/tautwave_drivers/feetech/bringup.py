@@ -276,7 +276,7 @@ class Bringup:
             lowest = servo.scale((1.0 - SUPPLY_OFF) * servo.supply_v).effort
             share = servo.axis.effort_limit / lowest
         elif servo.table is tables.HLS or not servo.torque_constant * servo.resistance:
-            share = math.inf  # a current limits it, or nobody knows its torque
+            share = math.inf  # a current limits it, or its torque is not known
         else:
             stall = servo.torque_constant * servo.options.gear_ratio * servo.supply_v
             share = tables.FULL_TORQUE * servo.axis.effort_limit / (stall / servo.resistance)
