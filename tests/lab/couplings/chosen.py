@@ -48,7 +48,7 @@ PLAYED = "lever_arm: 0.075, stiffness: 1.0e5, damping: 300.0"
 
 AUTO = Setting("auto", "law: auto", "{law: auto, pairs: {lever: {}}}")
 CURVE = tuple(_wave(b, corner) for b in (0.05, 0.1, 0.15) for corner in (35.0, 50.0, 100.0, 200.0))
-TUNED = tuple(_wave(b, corner) for b in (0.07, 0.1, 0.14) for corner in (35.0, 50.0, 100.0))
+TUNED = tuple(_wave(b, corner) for b in (0.07, 0.1, 0.14) for corner in (35.0, 70.0))
 """Settings to choose from."""
 
 DELAYS = (0.005, 0.02, 0.1, 0.3)
@@ -122,16 +122,18 @@ def play(block: str, hand: Hand, folder: Path, engine: str) -> tuple[float, floa
     return rms(run["lever.position_error"][part]), rms(np.array(efforts))
 
 
-def hold(block: str, hand: Hand, delay: float, folder: Path) -> tuple[float, float, float]:
+def hold(
+    block: str, hand: Hand, delay: float, folder: Path, engine: str
+) -> tuple[float, float, float]:
     """Return error and task over the wish [1], and motors above 20 Hz [N m]; nan if it ended."""
-    run = simulate(bench(block, hand, folder, GRIP, NOISE, delay), engine="compiled")
+    run = simulate(bench(block, hand, folder, GRIP, NOISE, delay), engine=engine)
     lead, first, last = (round(it / PERIOD) for it in (LEAD_S, SETTLED_S, RELEASED_S))
     late, stop = round(delay / PERIOD), lead + len(hand.positions) - last
     if len(run.data) < stop:
         return math.nan, math.nan, math.nan
     begin = max(lead + first, late)
     now, before = slice(begin, stop), slice(begin - late, stop - late)
-    wish = np.loadtxt(hand.write(folder), delimiter=",")[:, 1]
+    wish = np.loadtxt(hand.write(folder), delimiter=",", skiprows=1)[:, 1]
     size = rms(wish[now])
     slave = run["true.slave.lever.position"][now]
     error = rms(run["true.master.lever.position"][before] - slave) / size
@@ -250,20 +252,24 @@ def imposed_goals(found: Imposed) -> list[Goal]:
 
 
 def held_runs(
-    hands: Sequence[Hand], settings: Sequence[Setting], delays: Sequence[float], tell: Tell
+    hands: Sequence[Hand],
+    settings: Sequence[Setting],
+    delays: Sequence[float],
+    engine: str,
+    tell: Tell,
 ) -> dict[float, dict[Setting, list[Held]]]:
     """Return the scores of every setting with a grip, by delay."""
     found: dict[float, dict[Setting, list[Held]]] = {}
     with TemporaryDirectory() as name:
         folder = Path(name)
-        labs = {hand.name: hold(lab_of(hand).block, hand, 0.0, folder)[2] for hand in hands}
+        labs = {hand.name: hold(lab_of(hand).block, hand, 0.0, folder, engine)[2] for hand in hands}
         for delay in delays:
             found[delay] = {}
             for setting in settings:
                 tell(f"with a grip, {1e3 * delay:g} ms, {setting.name}")
                 scores = []
                 for hand in hands:
-                    error, task, loud = hold(setting.block, hand, delay, folder)
+                    error, task, loud = hold(setting.block, hand, delay, folder, engine)
                     scores.append(Held(hand.name, error, task, loud / labs[hand.name]))
                 found[delay][setting] = scores
     return found
@@ -340,7 +346,7 @@ def chosen(*, recordings: Path | None, quick: bool = False, tell: Tell) -> Suite
     tables = imposed_tables(hands, imposed, curve)
     goals = imposed_goals(imposed)
     if not quick:
-        held = held_runs(hands, (AUTO, *TUNED), DELAYS, tell)
+        held = held_runs(hands, (AUTO, *TUNED), DELAYS, "compiled", tell)
         tables += held_tables(hands, held)
         for row in tables[-1].rows:
             goals.append(Goal(f"task over tuned, {row[0]:g} ms", NEAR, "", float(row[4] or 0.0)))
