@@ -86,6 +86,15 @@ def test_what_cannot_be_felt_is_said() -> None:
     assert not found
     assert "arm" in silent[0]
     assert rig_feel(load_rig(CONFIGS / "scene-resonator.yaml")) == ((), ())
+    found, silent = rig_feel(load_rig(CONFIGS / "arms" / "six-seven.yaml"))
+    assert not found
+    assert "tip of an arm" in silent[0]
+    # Mirrored, at the lower end of both ranges: neither way is open to both.
+    mirrored = [f"{side}.axes.lever.position_range=[0.0, 0.7]" for side in ("master", "slave")]
+    changes = [*mirrored, "coupling.pairs.lever.sign=-1"]
+    found, silent = rig_feel(load_rig(CONFIGS / "bench-1dof-2khz.yaml", changes))
+    assert not found
+    assert "starts at its range" in silent[0]
     # A real rig has no simulation: its devices are as it believes them.
     real = feel("epos4-pair")["lever"]
     assert real.stiffness is not None

@@ -25,6 +25,7 @@ from tautwave.certificate.belief import SIDES
 from tautwave.config import Hand, HandPart, Hold, MinimumJerk, Rig, SolidWall, simulation_of
 from tautwave.config import Simulation as Truth
 from tautwave.errors import TautwaveError
+from tautwave.registry import load_driver
 from tautwave.rig import axis_allowance, command_delays, line_delay, pair_scale
 from tautwave.rig.hands import stated_hand
 from tautwave.rig.scales import slave_offset
@@ -146,8 +147,13 @@ def rig_feel(rig: Rig) -> tuple[tuple[Feel, ...], tuple[str, ...]]:
         return (), ()
     if any(getattr(rig, side).arm is not None for side in ("master", "slave")):
         return (), ("felt stiffness and drag: the joints of an arm move each other",)
+    if any(load_driver(bus.driver).plain for bus in rig.buses.values()):
+        return (), ("felt stiffness and drag: the tip of an arm takes too long to simulate",)
     bare = _bare(rig)
     courses = {pair: _course(bare, pair) for pair in bare.coupling.pairs}
+    stuck = [pair for pair, course in courses.items() if not course.way > 0.0]
+    if stuck:
+        return (), tuple(f"felt stiffness and drag: {pair} starts at its range" for pair in stuck)
     slow = SLOW * _line_s(rig)
     try:
         pressed = _press(bare, courses, slow)
