@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from tautwave.analysis.ports.loop_modes import least_damped
@@ -17,7 +18,7 @@ from tautwave.controller.records import PairView
 from tautwave.errors import ConfigError
 from tautwave.rig import build_rig, end_constants, line_delay
 from tautwave.runtime.loop import Loop
-from tautwave.sweep.measure import growth_of, is_bounded, moving_energy, scales_of
+from tautwave.sweep.measure import STEADY, Growth, growth_of, moving_energy, scales_of
 from tautwave.sweep.predict import pair_ends, pair_mode, rated_ends
 from tautwave.sweep.rows import Simulator
 from tautwave.types import CommandDelay
@@ -28,6 +29,9 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 BASE = CONFIGS / "delay-stability.yaml"
 SIDES = ("master", "slave")
 NOW = CommandDelay(0, 0.0)
+BOUNDED = 1.1
+"""Greatest energy of the last half per that of the first half that still counts as bounded."""
+
 PULLED = [
     "simulation.hand.cart.reference={type: hold, position: 0}",
     "simulation.axes={master.cart: {start_position: -1.0e-3}}",
@@ -37,6 +41,16 @@ PULLED = [
 def position_law(stiffness: float, damping: float) -> list[str]:
     pair = f"{{stiffness: {stiffness!r}, damping: {damping!r}}}"
     return ["coupling.law=position", f"coupling.pairs.cart={pair}"]
+
+
+def is_bounded(energy: npt.NDArray[np.float64], growth: Growth) -> bool:
+    """Return whether an energy [J] stays bounded, as far as a finite run can tell.
+
+    It does not if the last half exceeds the first, or if it grows steadily, however slowly.
+    """
+    half = len(energy) // 2
+    within = half > 0 and bool(energy[half:].max() <= BOUNDED * energy[:half].max())
+    return within and not (growth.rate > 0.0 and growth.steadiness > STEADY)
 
 
 def growth(rig: Rig, duration: float = 10.0) -> tuple[float, bool]:

@@ -27,8 +27,6 @@ PREDICTED = ("predicted_radius", "predicted_growth", "predicted_frequency")
 BOOKS = ("gross_flow", "residual", "generated")
 """Measures that need every account of a recording."""
 
-BOUNDED = 1.1
-"""Greatest energy of the last half per that of the first half that still counts as bounded."""
 
 RESTING_S = 2.0
 """[s] Of the two windows at the end of a run, in which the hand's reference stands still."""
@@ -203,16 +201,6 @@ def _windows_of(usable: Integers, period: float) -> Windows:
     time = period * np.add.reduceat(usable, ends[:-1]) / counts
     time -= time.mean()
     return ends[:-1], counts, time
-
-
-def is_bounded(energy: Floats, growth: Growth) -> bool:
-    """Return whether an energy [J] stays bounded, as far as a finite run can tell.
-
-    It does not if the last half exceeds the first, or if it grows steadily, however slowly.
-    """
-    half = len(energy) // 2
-    within = half > 0 and bool(energy[half:].max() <= BOUNDED * energy[:half].max())
-    return within and not (growth.rate > 0.0 and growth.steadiness > STEADY)
 
 
 def is_stable(energy: Floats, scales: Scales) -> float:
