@@ -100,7 +100,7 @@ def test_ctrl_c_ramps_down_reports_and_exits_0(rig: Path, tmp_path: Path) -> Non
         output, errors = run.communicate(timeout=60)
     assert run.returncode == 0, errors
     assert "interrupted" in output
-    assert "Tracking" in output
+    assert "position rms" in output
     assert "100 %" in errors
     summary = assert_complete(tmp_path / "out")
     assert isinstance(summary["outcome"], dict)
