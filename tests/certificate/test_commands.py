@@ -96,6 +96,7 @@ def test_check_of_two_axes_is_light() -> None:
         ("bench-1dof-2khz", ("passed", "passed")),
         ("bench-1dof-2khz-noisy", ("passed", "passed")),
         ("bench-2axis-loopback", ("passed", "passed")),
+        ("bench-room-loopback", ("passed", "passed")),
         ("arms-loopback", ("passed", "passed")),
         ("bench-admittance-loopback", ("failed", "passed")),
         ("bench-foam-loopback", ("passed", "passed")),
