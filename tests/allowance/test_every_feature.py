@@ -104,7 +104,7 @@ def add_up(rig: Rig) -> None:
     step = site.limit.effort_step + sum(one.step for one in carried)
     assert step <= rate * rig.period_s * (1.0 + 1e-12)
     if math.isfinite(site.clip):  # a spring relies on its share: the others' beside it fit, too
-        lift = site.inertia.most if site.lightens else 0.0
+        lift = site.inertia.most if site.compensates_inertia else 0.0
         wall = site.wall_clip if site.has_wall else 0.0
         assert site.clip + wall + lift + beside <= most
     assert site.limit.stop_damping + has.load_damping <= axis.damping.lower * (1.0 + 1e-12)

@@ -221,10 +221,10 @@ def closed_radius(end: Ends, spring: float, damping: float, mass: float) -> floa
     speed = speed + PERIOD * outside + o.velocity * error
     push = push + o.disturbance * error
     filtered = filtered + p.filter_gain * (p.root * (now - at) / PERIOD - waves[0] - filtered)
-    coast = speed + PERIOD * p.lead * push - 2.0 * p.half_mobility * sum(efforts[1:])
+    free_velocity = speed + PERIOD * p.lead * push - 2.0 * p.half_mobility * sum(efforts[1:])
     for far in (1.0, -1.0):
         wave = far * filtered
-        effort = (p.impedance * coast - p.root * wave) / p.divisor
+        effort = (p.impedance * free_velocity - p.root * wave) / p.divisor
         rows = [*moved, now, speed, push, filtered, *efforts[1:], effort, *waves[1:], wave]
         worst = max(worst, float(np.abs(np.linalg.eigvals(np.array(rows))).max()))
     return worst

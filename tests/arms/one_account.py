@@ -58,9 +58,9 @@ class Purse:
         control.law = control.law._replace(
             steps=steps._replace(
                 close=self.close,
-                think=self.lending(steps.think),
+                compute_effort=self.lending(steps.compute_effort),
                 brake=self.lending(steps.brake),
-                miss=self.lending(steps.miss),
+                on_missing=self.lending(steps.on_missing),
             )
         )
 

@@ -17,7 +17,9 @@ WAVE = {
     "step": "what it gives back is in the leak (`from_keys.effort_steps`)",
     "late": "the delay of the port in loops and claims",
     "delay": "the delay of the port in loops and claims",
-    **dict.fromkeys(("window", "limp", "empty", "astray", "patience", "coarse", "noisy"), GUARD),
+    **dict.fromkeys(
+        ("window", "port_starved", "empty", "position_debt", "patience", "coarse", "noisy"), GUARD
+    ),
 }
 
 

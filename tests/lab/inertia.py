@@ -124,7 +124,7 @@ def attack(seed: int, *, account: bool = True) -> Attack:
     half = 0.5 * PERIOD / axis.inertia.lower
     free = LimitParams(INF, INF, 0.0, INF, -INF, INF, 0.0)
     site = SiteParams(
-        PERIOD, half, NO_WALL, free, 1.0, 0.0, has_wall=False, inertia=own, lightens=True
+        PERIOD, half, NO_WALL, free, 1.0, 0.0, has_wall=False, inertia=own, compensates_inertia=True
     )
     p = AxisParams(site, 0.5 * PERIOD, 0.0, INF, 1.0, late, 0, True, 1, 0.5 * PERIOD, None)
     assert axis.compensation is not None

@@ -203,8 +203,8 @@ def _attack(port: Any, seen: Any, n: int, a: Any) -> tuple[float, bool, int]:
                 pending += 0.5 * wall
             effort = port_law.port_effort(port, account, velocity, outside, pending, came)
             if gap != 0.0:
-                coast = velocity + port.ahead * outside - 2.0 * port.half_mobility * pending
-                rubs = port_law.recovery_friction(port, account, gap, smooth, coast, effort)
+                free_velocity = velocity + port.ahead * outside - 2.0 * port.half_mobility * pending
+                rubs = port_law.recovery_friction(port, account, gap, smooth, free_velocity, effort)
                 effort += rubs
                 helped += rubs != 0.0
             if account > 0.0 and a.quantum > 0.0:

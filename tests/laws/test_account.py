@@ -42,30 +42,32 @@ speeds = st.floats(-50.0, 50.0)
 funds = st.floats(-1.0, 1.0)
 
 
-def planned_gift(effort: float, coast: float) -> float:
+def planned_gift(effort: float, free_velocity: float) -> float:
     """What an effort gives if the device moves as predicted [J]."""
-    return -effort * T * (coast - M * effort)
+    return -effort * T * (free_velocity - M * effort)
 
 
 @given(funds, speeds, st.floats(0.0, 1.0), st.floats(0.0, 2.0))
 def test_no_effort_within_the_bounds_plans_to_give_more_than_the_funds(
-    held: float, coast: float, share: float, edge: float
+    held: float, free_velocity: float, share: float, edge: float
 ) -> None:
     p = P._replace(edge=edge)
-    low, high = gate_bounds(p, held, coast, M, T)
+    low, high = gate_bounds(p, held, free_velocity, M, T)
     assert low <= 0.0 <= high
     most = max(held, 0.0)
     for effort in (low, high, low + share * (high - low)):
-        assert planned_gift(effort, coast) <= most + 1e-9 * (most + coast * coast)
+        assert planned_gift(effort, free_velocity) <= most + 1e-9 * (
+            most + free_velocity * free_velocity
+        )
 
 
 @given(funds, speeds, speeds, st.floats(0.1, 1.0))
 def test_smoothing_allows_nothing_that_the_velocity_does_not(
-    held: float, coast: float, smooth: float, share: float
+    held: float, free_velocity: float, smooth: float, share: float
 ) -> None:
     p = P._replace(share=share)
-    low, high = planned_bounds(p, held, coast, smooth, M, T)
-    least, most = gate_bounds(p, share * held, coast, M, T)
+    low, high = planned_bounds(p, held, free_velocity, smooth, M, T)
+    least, most = gate_bounds(p, share * held, free_velocity, M, T)
     assert least <= low <= 0.0 <= high <= most
 
 
@@ -81,19 +83,21 @@ def test_a_held_force_does_not_follow_the_noise_of_a_velocity() -> None:
 
 
 @given(st.floats(1e-9, 1.0), speeds)
-def test_the_bound_on_what_gives_is_all_that_the_funds_allow(held: float, coast: float) -> None:
+def test_the_bound_on_what_gives_is_all_that_the_funds_allow(
+    held: float, free_velocity: float
+) -> None:
     """Towards the motion a hair more than the bound would plan to give more than there is."""
-    low, high = gate_bounds(P, held, coast, M, T)
-    bound = low if coast > 0.0 else high
-    assert planned_gift(1.0001 * bound, coast) > held
-    assert planned_gift(bound, coast) == pytest.approx(held, rel=1e-6, abs=1e-12)
+    low, high = gate_bounds(P, held, free_velocity, M, T)
+    bound = low if free_velocity > 0.0 else high
+    assert planned_gift(1.0001 * bound, free_velocity) > held
+    assert planned_gift(bound, free_velocity) == pytest.approx(held, rel=1e-6, abs=1e-12)
 
 
 @given(speeds)
-def test_without_funds_it_damps_and_nothing_else(coast: float) -> None:
-    bounds = gate_bounds(P, -1.0, coast, M, T)
+def test_without_funds_it_damps_and_nothing_else(free_velocity: float) -> None:
+    bounds = gate_bounds(P, -1.0, free_velocity, M, T)
     assert min(bounds, key=abs) == 0.0
-    assert max(bounds, key=abs) == pytest.approx(P.edge * coast)
+    assert max(bounds, key=abs) == pytest.approx(P.edge * free_velocity)
 
 
 @given(

@@ -217,27 +217,27 @@ def test_nothing_leaves_that_the_tank_cannot_pay(
     st.floats(0.1, 1000.0), st.floats(0.01, 10.0), st.booleans(), st.floats(-1, 10), finite, finite
 )
 def test_no_effort_is_planned_to_give_what_is_not_there(
-    b: float, mass: float, matched: bool, account: float, coast: float, arriving: float
+    b: float, mass: float, matched: bool, account: float, free_velocity: float, arriving: float
 ) -> None:
     p = port_params(T, b, mass, matched=matched, reserve=RICH)
-    effort = port_effort(p, account, coast, 0.0, 0.0, arriving)
-    free = port_effort(p, RICH, coast, 0.0, 0.0, arriving)
+    effort = port_effort(p, account, free_velocity, 0.0, 0.0, arriving)
+    free = port_effort(p, RICH, free_velocity, 0.0, 0.0, arriving)
     assert abs(effort) <= abs(free)
-    ahead = coast - p.half_mobility * effort
+    ahead = free_velocity - p.half_mobility * effort
     given = -effort * (ahead - p.slip * effort) * T
     funds = max(0.0, account + 0.5 * T * arriving * arriving)
-    scale = abs(effort) * (abs(coast) + p.half_mobility * abs(effort)) * T + funds
+    scale = abs(effort) * (abs(free_velocity) + p.half_mobility * abs(effort)) * T + funds
     assert given <= funds + 1e-12 * scale
 
 
 @given(st.floats(0.1, 1000.0), st.floats(0.01, 10.0), finite, finite)
 def test_an_unclipped_port_on_a_mass_it_knows_keeps_the_wave_identity(
-    b: float, mass: float, coast: float, arriving: float
+    b: float, mass: float, free_velocity: float, arriving: float
 ) -> None:
     """Planned energy into the port is exactly (leaving**2 - arriving**2) / 2 over the period."""
     p = port_params(T, b, mass, reserve=RICH)
-    effort = port_effort(p, RICH, coast, 0.0, 0.0, arriving)
-    ahead = coast - p.half_mobility * effort
+    effort = port_effort(p, RICH, free_velocity, 0.0, 0.0, arriving)
+    ahead = free_velocity - p.half_mobility * effort
     moved = ahead * T
     leaving, *_ = port_close(p, RICH, 0.0, 0.0, moved, moved, 1.0, effort, arriving, 0.0, False)
     scale = leaving**2 + arriving**2 + 1e-30

@@ -267,7 +267,7 @@ def test_an_effort_is_never_planned_to_give_what_is_not_there() -> None:
 )
 def test_the_friction_of_an_emptied_tank_only_takes(
     smooth: float,
-    coast: float,
+    free_velocity: float,
     effort: float,
     gap: float,
     account: float,
@@ -276,9 +276,9 @@ def test_the_friction_of_an_emptied_tank_only_takes(
 ) -> None:
     """Of the motion that is predicted and was, no more than stated; and never less for the tank."""
     port = ends(matched=matched, friction=most).port
-    rubs = recovery_friction(port, account, 1e-4 * gap, smooth, coast, effort)
+    rubs = recovery_friction(port, account, 1e-4 * gap, smooth, free_velocity, effort)
     assert abs(rubs) <= most
-    ahead = coast - port.half_mobility * effort
+    ahead = free_velocity - port.half_mobility * effort
     assert rubs * ahead >= 0.0
     assert rubs * smooth >= 0.0
     if account >= 0.75 * port.reserve or gap == 0.0:
@@ -457,8 +457,8 @@ def test_friction_of_a_slow_lever_takes_whatever_its_noise(
             work += sent * (now - before)
             at, velocity, outside = observe(end.observer, at, velocity, outside, now, 0.0, 1.0)
             smooth += found.smoothing * (velocity - smooth)
-            coast = velocity + port.ahead * outside
-            sent = recovery_friction(port, 0.0, 1.0, smooth, coast, 0.0)
+            free_velocity = velocity + port.ahead * outside
+            sent = recovery_friction(port, 0.0, 1.0, smooth, free_velocity, 0.0)
         taken.append(work / (1000 * PERIOD))
     assert min(taken) > -2e-4
     assert taken[-1] > 2e-3

@@ -99,8 +99,8 @@ def test_a_port_s_effort_is_bounded_and_a_rich_or_fast_one_is_not() -> None:
     account = 1e-5
     free = port(math.inf)
     assert port(1e6) == free
-    coast = 4.0 + 0.5 * T * 10.0 - T / 1e-3 * 0.02
-    assert port(1.0) == ramp_bound(ramp_params(T, 1e-3, 1.0), account, coast) < 0.6 * free
+    free_velocity = 4.0 + 0.5 * T * 10.0 - T / 1e-3 * 0.02
+    assert port(1.0) == ramp_bound(ramp_params(T, 1e-3, 1.0), account, free_velocity) < 0.6 * free
     account = 1.0
     assert port(1.0) == free
 
@@ -139,10 +139,10 @@ def test_a_heavier_device_gains_no_more(
 ) -> None:
     """What it had and what moved it are known, its mass is not: at least 1 here."""
     p = stall_params(0.02, 1.0, 100.0, energy)
-    coast = velocity - half_mobility * impulse
+    free_velocity = velocity - half_mobility * impulse
     true = velocity - half_mobility * impulse / heavier
     for side in (1.0, -1.0):
-        effort = stall_ceiling(p, velocity, coast, side, math.inf)
+        effort = stall_ceiling(p, velocity, free_velocity, side, math.inf)
         along = max(0.0, -side * true)
         assert gained(heavier, 100.0, 0.02, effort, along) <= energy * (1.0 + 1e-9)
 

@@ -126,9 +126,9 @@ def test_the_port_knows_what_the_wall_will_do() -> None:
     total, port, wall, asked = think_wave(
         axis, 1e9, 0.0, 0.002, 0.3, 0.3, 0.5, 0.7, 0.0, arriving=0.1, ceiling=math.inf
     )
-    coast = 0.3 - mobility * (0.5 + 2 * 0.7) - mobility * 2.0
+    free_velocity = 0.3 - mobility * (0.5 + 2 * 0.7) - mobility * 2.0
     assert wall == pytest.approx(2.0)
-    assert port == pytest.approx((10.0 * coast - p.port.root * 0.1) / p.port.divisor)
+    assert port == pytest.approx((10.0 * free_velocity - p.port.root * 0.1) / p.port.divisor)
     assert total == asked == wall + port
 
 

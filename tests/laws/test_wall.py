@@ -77,8 +77,8 @@ class Bounce:
                 touched = True
                 effort = wall_effort(p, depth, self.wall_velocity)
                 if p.controlled:
-                    coast = velocity - mobility * (impulse + 2.0 * sum(waiting))
-                    effort = control_wall(p, effort, energy, coast, mobility, period)
+                    free_velocity = velocity - mobility * (impulse + 2.0 * sum(waiting))
+                    effort = control_wall(p, effort, energy, free_velocity, mobility, period)
             elif touched and side * v < 0.0 and not any(waiting):
                 break
             waiting.append(effort)
@@ -191,16 +191,16 @@ def test_passivity_control_is_bounded_with_a_delayed_command() -> None:
     st.floats(1e-5, 1.0), st.sampled_from([1.0, -1.0]),
 )  # fmt: skip
 def test_the_controller_only_ever_takes_away(
-    effort: float, energy: float, coast: float, mobility: float, side: float
+    effort: float, energy: float, free_velocity: float, mobility: float, side: float
 ) -> None:
     p = wall(controlled=True, side=side)
     effort = side * abs(effort)  # a wall never pulls
-    out = control_wall(p, effort, energy, coast, mobility, T)
+    out = control_wall(p, effort, energy, free_velocity, mobility, T)
     assert abs(out) <= abs(effort)
     assert out * effort >= 0.0
-    planned = energy + out * T * (coast - mobility * out)
+    planned = energy + out * T * (free_velocity - mobility * out)
     if energy >= 0.0:
-        scale = energy + abs(out) * T * (abs(coast) + mobility * abs(out))
+        scale = energy + abs(out) * T * (abs(free_velocity) + mobility * abs(out))
         assert planned >= -1e-12 * scale - 1e-300
 
 
@@ -262,8 +262,8 @@ def test_stalls_whenever_they_come_leave_no_more_than_the_reserve(
     """The adversary chooses pushes, speeds, stalls and where the device goes in them."""
     p = indebted(3.0)
     energy, least = 0.0, 0.0
-    for push, coast, skipped, way in script:
-        got = control_wall(p, push, energy, coast, T / (2.0 * MASS), T)
+    for push, free_velocity, skipped, way in script:
+        got = control_wall(p, push, energy, free_velocity, T / (2.0 * MASS), T)
         held = T * (skipped + 1)
         out = way * (FASTEST * held + got * held * held / (2.0 * MASS))
         energy -= got * out

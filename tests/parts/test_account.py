@@ -363,11 +363,11 @@ def test_a_command_plans_to_give_its_share_of_the_funds(late: int) -> None:
     control, s, p = ready(held(late=late))
     s.end.account.funds = 0.5
     s.end.far_position = s.position - 1e9
-    coast, half = -2.0, p.site.half_mobility
-    for smooth, share in ((coast, CALM_SHARE), (-1e3 * coast, 1.0)):
+    free_velocity, half = -2.0, p.site.half_mobility
+    for smooth, share in ((free_velocity, CALM_SHARE), (-1e3 * free_velocity, 1.0)):
         s.end.account.smooth = smooth
-        effort = control.law.steps.think(s, p, coast)
-        planned = -effort * T * (coast - half * effort)
+        effort = control.law.steps.compute_effort(s, p, free_velocity)
+        planned = -effort * T * (free_velocity - half * effort)
         assert planned == pytest.approx(share * planned_share(late) * 0.5)
 
 

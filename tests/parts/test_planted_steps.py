@@ -24,37 +24,37 @@ def bench(guards: dict[int, Guard] | None = None, **steps: Any) -> CouplingBench
     return CouplingBench(plugin._replace(law=law), "pd_injection", keys)
 
 
-def own_think(s: Any, p: Any, coast: float) -> float:
-    found: float = example("pd_injection").plugin.law.steps.think(s, p, coast)
+def own_think(s: Any, p: Any, free_velocity: float) -> float:
+    found: float = example("pd_injection").plugin.law.steps.compute_effort(s, p, free_velocity)
     return found
 
 
-def nan(s: Any, p: Any, coast: float) -> float:
-    return math.nan if s.position > 1e-3 else own_think(s, p, coast)
+def nan(s: Any, p: Any, free_velocity: float) -> float:
+    return math.nan if s.position > 1e-3 else own_think(s, p, free_velocity)
 
 
-def active(s: Any, p: Any, coast: float) -> float:
+def active(s: Any, p: Any, free_velocity: float) -> float:
     return -0.3 * s.velocity
 
 
-def hoarding(s: Any, p: Any, coast: float) -> float:
-    KEPT.append(coast + 0.1)
-    return own_think(s, p, coast)
+def hoarding(s: Any, p: Any, free_velocity: float) -> float:
+    KEPT.append(free_velocity + 0.1)
+    return own_think(s, p, free_velocity)
 
 
 def lying(s: Any, p: Any, displacement: float, count: float, span: float, port: float) -> None:
     s.end.absorbed += 0.9 * port * displacement
 
 
-def remembering(s: Any, p: Any, coast: float) -> float:
+def remembering(s: Any, p: Any, free_velocity: float) -> float:
     KEPT.append(1.0)
-    return own_think(s, p, coast) + 1e-6 * len(KEPT)
+    return own_think(s, p, free_velocity) + 1e-6 * len(KEPT)
 
 
-def alarmed(s: Any, p: Any, coast: float) -> float:
+def alarmed(s: Any, p: Any, free_velocity: float) -> float:
     if s.position > 1e-3:
         s.alarm = OWN_GUARDS + 7
-    return own_think(s, p, coast)
+    return own_think(s, p, free_velocity)
 
 
 def test_what_is_moved_there_and_back_begins_and_ends_at_rest() -> None:
@@ -76,11 +76,11 @@ def test_what_is_moved_there_and_back_begins_and_ends_at_rest() -> None:
 @pytest.mark.parametrize(
     ("steps", "check", "more"),
     [
-        ({"think": nan}, "its_steps_return_numbers", (0,)),
-        ({"think": active}, "it_gives_no_energy", ()),
-        ({"think": hoarding}, "a_cycle_allocates_nothing_but_numbers", ()),
+        ({"compute_effort": nan}, "its_steps_return_numbers", (0,)),
+        ({"compute_effort": active}, "it_gives_no_energy", ()),
+        ({"compute_effort": hoarding}, "a_cycle_allocates_nothing_but_numbers", ()),
         ({"close": lying}, "its_books_close", (0,)),
-        ({"think": remembering}, "no_run_remembers_another", ()),
+        ({"compute_effort": remembering}, "no_run_remembers_another", ()),
     ],
 )
 def test_a_planted_fault_is_caught(
@@ -91,7 +91,7 @@ def test_a_planted_fault_is_caught(
 
 
 def test_what_is_not_finite_stops_the_run_and_names_the_law() -> None:
-    made = bench(think=nan)
+    made = bench(compute_effort=nan)
     control = controller(made.plugin, made.block())
     reported = drive(control, at_random())
     assert "was commanded a non-finite effort by its coupling, law pd_injection" in reported.reason
@@ -102,13 +102,13 @@ def test_what_is_not_finite_stops_the_run_and_names_the_law() -> None:
 
 
 def test_a_part_has_guards_of_its_own() -> None:
-    made = bench({OWN_GUARDS + 7: Guard("limp", "let go")}, think=alarmed)
+    made = bench({OWN_GUARDS + 7: Guard("port_starved", "let go")}, compute_effort=alarmed)
     control = controller(made.plugin, made.block())
     reported = drive(control, at_random())
     assert "wrist let go at" in reported.reason
     place = control.place()
     assert place is not None
-    assert place.reason == "limp"
+    assert place.reason == "port_starved"
 
 
 def test_before_a_drive_nothing_is_on_its_way() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from tautwave.cli.terminal.show import BAD, Cell
 from tautwave.cli.terminal.summary import summary_sections
-from tautwave.report.calm import unrest
+from tautwave.report.calm import high_frequency_share
 from tautwave.report.fast_motion import fast_share
 from tautwave.summary import Summary
 from tautwave.summary.model import Pair, Side
@@ -71,9 +71,9 @@ def test_what_noise_makes_of_fast_motion_does_not_count() -> None:
 
 def test_a_pair_that_buzzes_is_said_to_and_marked() -> None:
     shares: dict[Side, float | None] = {"master": 0.1, "slave": 0.25}
-    assert "25 % of the slave's" in unrest(shares, "lever")
-    assert unrest({"master": 0.2, "slave": 0.1}, "lever") == ""
-    assert unrest({}, "lever") == ""
+    assert "25 % of the slave's" in high_frequency_share(shares, "lever")
+    assert high_frequency_share({"master": 0.2, "slave": 0.1}, "lever") == ""
+    assert high_frequency_share({}, "lever") == ""
     for share, marked in ((0.25, True), (0.15, False)):
         summary = Summary(pairs={"lever": Pair(fast_share={"master": share})}, cycles=10)
         sections = summary_sections("rig", summary, Path(), 0)

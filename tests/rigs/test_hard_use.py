@@ -143,7 +143,7 @@ def test_a_lever_that_is_moved_and_no_longer_followed_ends_the_run() -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "gap", "before", "limp"),
+    ("share", "gap", "before", "port_starved"),
     [
         (0.05, 1.0, 1.0, True),
         (0.05, 1.0, 1.02, False),  # it is being repaid
@@ -153,7 +153,9 @@ def test_a_lever_that_is_moved_and_no_longer_followed_ends_the_run() -> None:
         (0.05, 0.03, 0.03, False),  # nobody feels it
     ],
 )
-def test_what_a_lost_coupling_is(share: float, gap: float, before: float, limp: bool) -> None:
+def test_what_a_lost_coupling_is(
+    share: float, gap: float, before: float, port_starved: bool
+) -> None:
     """Of waves of 1 W over a second, of which `share` was cut, and means of what is owed."""
     made = rig(name="bench-1dof-2khz")
     k = end_constants(made, "slave.lever", command_delays(made)["slave.lever"])
@@ -161,7 +163,7 @@ def test_what_a_lost_coupling_is(share: float, gap: float, before: float, limp: 
     s = AxisState(end=WaveEnd(cut_before=True, gap_before=before * few))
     s.end.wanted_sum, s.end.cut_sum, s.end.gap_sum = 2000.0, 2000.0 * share, gap * few
     judge_port(s, k)
-    assert (s.alarm == LIMP) is limp
+    assert (s.alarm == LIMP) is port_starved
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,9 @@ def axis_of(noise: float = 0.0, late: int = 0, **keys: float) -> AxisParams:
     wall = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
     free = LimitParams(INF, INF, 0.0, INF, -INF, INF, 0.0)
     own = inertia_params(axis, known, 0.5, keys.get("inertia_coulomb", 0.0) * 0.02)
-    site = SiteParams(PERIOD, 0.5, wall, free, 1.0, 0.0, has_wall=False, inertia=own, lightens=True)
+    site = SiteParams(
+        PERIOD, 0.5, wall, free, 1.0, 0.0, has_wall=False, inertia=own, compensates_inertia=True
+    )
     return AxisParams(site, 0.5 * PERIOD, 0.0, INF, 1.0, late, 0, True, 1, 0.5 * PERIOD, None)
 
 

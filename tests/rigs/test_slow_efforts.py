@@ -14,7 +14,7 @@ from tautwave.config import Rig
 from tautwave.couplings.wave import from_keys
 from tautwave.couplings.wave.claim import claim_of, claimed_joules
 from tautwave.couplings.wave.messages import ramp_hints
-from tautwave.couplings.wave.port import think
+from tautwave.couplings.wave.port import compute_effort
 from tautwave.laws import port
 from tautwave.laws.port import NO_RECOVERY, port_effort
 from tautwave.laws.ramp import NO_RAMP, ramp_bound
@@ -180,10 +180,10 @@ def test_a_port_is_bounded_by_where_its_device_is_when_the_effort_acts() -> None
     e = SimpleNamespace(
         account=1e-4, velocity=3.0, push=40.0, under_way=1.5e-3, wave_in=-6.0, wanted=0.0, gap=0.0
     )
-    found = think(SimpleNamespace(end=e, port_effort=0.0), SimpleNamespace(end=k), 0.0)  # type: ignore[arg-type]
+    found = compute_effort(SimpleNamespace(end=e, port_effort=0.0), SimpleNamespace(end=k), 0.0)  # type: ignore[arg-type]
     asked = port_effort(k.port, 1e-4, 3.0, 40.0, 1.5e-3, -6.0)
-    coast = 3.0 + k.port.ahead * 40.0 - 2.0 * k.port.half_mobility * 1.5e-3
-    assert found == ramp_bound(k.port.ramp, 1e-4, coast) < asked
+    free_velocity = 3.0 + k.port.ahead * 40.0 - 2.0 * k.port.half_mobility * 1.5e-3
+    assert found == ramp_bound(k.port.ramp, 1e-4, free_velocity) < asked
     assert e.wanted == asked
 
 

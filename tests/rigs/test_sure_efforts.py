@@ -32,8 +32,10 @@ def test_below_it_the_bound_does_not_bind(
     site, limit = axis.site, axis.site.limit.effort
     impulse = slots * limit * shares[0]
     pending = limit * sum(shares[: axis.delay])
-    coast = velocity - site.half_mobility * (impulse + 2.0 * pending)
-    assert stall_ceiling(site.stall, velocity, coast, side * site.sure, math.inf) >= site.sure
+    free_velocity = velocity - site.half_mobility * (impulse + 2.0 * pending)
+    assert (
+        stall_ceiling(site.stall, velocity, free_velocity, side * site.sure, math.inf) >= site.sure
+    )
 
 
 def test_it_is_a_good_part_of_the_effort_and_all_of_it_without_a_bound(axis) -> None:

@@ -94,7 +94,7 @@ def owing(c: CoupledControl, slots: int, gap: float, shrinks: float) -> int:
     """Let the master's port owe a displacement that it cannot pay for; return when it stopped."""
     end = step(c, 0, 0.0).end
     for slot in range(1, slots):
-        end.gap = gap * shrinks**slot * c.params[0].end.astray
+        end.gap = gap * shrinks**slot * c.params[0].end.position_debt
         end.account = 0.4 * c.params[0].end.port.reserve
         step(c, slot, 0.0)
         if c.stopped:
@@ -129,9 +129,9 @@ def test_the_damping_of_a_stop_does_not_act_through_a_series_damper() -> None:
 def test_a_gap_that_shrinks_does_not() -> None:
     c = control(*QUIET)
     end = step(c, 0, 0.0).end
-    end.gap = 3.0 * c.params[0].end.astray
+    end.gap = 3.0 * c.params[0].end.position_debt
     for slot in range(1, 3000):
         step(c, slot, 0.0)
     assert c.error() is None
-    assert abs(end.gap) < c.params[0].end.astray
+    assert abs(end.gap) < c.params[0].end.position_debt
     assert end.owing == 0

@@ -9,12 +9,12 @@ from typing import Any
 from tautwave.clock import FakeClock
 from tautwave.controller.axis import (
     close_axis,
+    decide_command,
     is_calm,
     miss_sample,
     pass_slot,
     start_axis,
     stored_in_wall,
-    think_axis,
 )
 from tautwave.controller.braking import stop_axis
 from tautwave.controller.pair import (
@@ -145,7 +145,7 @@ class Axis:
         close_axis(self.state, self.params, position, outside, self.law.steps)
 
     def think(self, ceiling: float) -> int:
-        return think_axis(self.state, self.params, self.table, ceiling, self.law.steps)
+        return decide_command(self.state, self.params, self.table, ceiling, self.law.steps)
 
     def stop(self, ceiling: float) -> None:
         stop_axis(self.state, self.params, ceiling)

@@ -67,7 +67,7 @@ def test_a_process_that_ends_can_stay_deaf() -> None:
     before = {number: signal.getsignal(number) for number in SIGNALS}
     try:
         with interrupts() as heard:
-            heard.stay_deaf()
+            heard.ignore_further_signals()
         assert {signal.getsignal(number) for number in SIGNALS} == {signal.SIG_IGN}
     finally:
         for number, handler in before.items():

@@ -25,7 +25,7 @@ from tautwave.rig import build_rig
 from tautwave.rig.controller import end_constants
 from tautwave.rig.tuning import knobs_of, tunables
 from tautwave.runtime.loop import Loop
-from tautwave.runtime.tuning.desk import Desk, last_left, leave
+from tautwave.runtime.tuning.desk import ParameterPage, last_left, leave
 from tautwave.runtime.tuning.source import Tuning
 from tautwave.session.engine import with_engine
 from tautwave.session.operating import with_operation
@@ -124,7 +124,7 @@ def test_viewers_are_sent_every_knob_and_of_what_is_fixed() -> None:
     rig = load_rig(BENCH)
     control = build_rig(rig, clock="fake").control
     knobs = [knob for knob in knobs_of(rig, control) if knob.path in (K, FILTER)]
-    desk = Desk(len(knobs))
+    desk = ParameterPage(len(knobs))
     try:
         facts = tuning_facts(rig, Tuning(knobs, desk, rig.period_s), ["master"])
         assert facts is not None
@@ -238,7 +238,7 @@ for k in range(int(sys.argv[3])):
 
 
 def test_only_whole_sets_are_taken() -> None:
-    desk = Desk(20)
+    desk = ParameterPage(20)
     assert desk.take() is None
     assert last_left(desk.address, 20) is None
     order = [sys.executable, "-c", WRITER]
@@ -272,7 +272,7 @@ def open_desks() -> list[str]:
 
 
 def test_of_two_writers_one_waits_and_neither_keeps_the_desk_open() -> None:
-    desk = Desk(2)
+    desk = ParameterPage(2)
     before = len(open_desks())
     held = os.open(f"/proc/self/fd/{desk.address['descriptor']}", os.O_RDWR)
     fcntl.flock(held, fcntl.LOCK_EX)

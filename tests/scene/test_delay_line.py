@@ -174,8 +174,8 @@ def rig_admittance(omega: float, damping: float, clamped_slave: bool) -> complex
         arriving = back[0]
         velocity = moved / period
         held = state[-1]  # force of the hand
-        coast = velocity - p.half_mobility * (acted - before - held)
-        effort = port_effort(p, RICH, coast, 0.0, 0.0, arriving)
+        free_velocity = velocity - p.half_mobility * (acted - before - held)
+        effort = port_effort(p, RICH, free_velocity, 0.0, 0.0, arriving)
         at_slave = ahead[0]
         # F_s = (K e + B (root u / b - v_s)) / (1 + B / b), in resisting terms R = -F_s.
         force = (K * (xd - xs) + D * (root * at_slave / B - vs)) / (1.0 + D / B)

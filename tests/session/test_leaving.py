@@ -53,7 +53,7 @@ def test_a_bus_that_is_refused_before_anything_moves_is_a_reason_too(
 ) -> None:
     told: list[Any] = []
 
-    class Desk(Leaving):
+    class ParameterPage(Leaving):
         def __init__(self, order: Any) -> None: ...
 
         def send(self, **message: Any) -> None:
@@ -65,7 +65,7 @@ def test_a_bus_that_is_refused_before_anything_moves_is_a_reason_too(
         def close(self) -> None:
             told.append("closed")
 
-    monkeypatch.setattr("tautwave.session.sites.joining.DeskLine", Desk)
+    monkeypatch.setattr("tautwave.session.sites.joining.DeskLine", ParameterPage)
     monkeypatch.setattr("tautwave.sites.certificates.identity_files", lambda *given: None)
     rig = load_rig(RIG, ("sites.here=master", "sites.slave.address=127.0.0.1"))
     with pytest.raises(BusTimeout), joined(rig, print):

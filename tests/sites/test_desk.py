@@ -18,7 +18,7 @@ from tautwave.bench.sites.order import free_port
 from tautwave.session.sites.desk_line import DeskLine, session_of
 from tautwave.sites import desk
 from tautwave.sites.certificates import make_authority
-from tautwave.sites.desk import Desk, Order
+from tautwave.sites.desk import Order, SessionProcess
 
 SHARED = {"rate_hz": 1000.0}
 Start = Callable[..., DeskLine]
@@ -127,7 +127,7 @@ def test_a_desk_that_stood_still_takes_nobody_for_gone(keys: Path) -> None:
     order = Order("slave", "master", True, "127.0.0.1", 1, str(keys / "ours"), SHARED, {})
     one, other = socket.socketpair()
     with one, other:
-        desk = Desk(order, one)
+        desk = SessionProcess(order, one)
         some: Any = object()
         desk._channel, desk._heard, desk._looked = some, 100.0, 100.0
         desk.look(100.1)
@@ -152,7 +152,7 @@ def test_a_site_that_says_nothing_is_dropped_and_not_before(
     end, far = socket.socketpair()
     said: list[Any] = []
     with one, other, end, far:
-        kept = Desk(order, one)
+        kept = SessionProcess(order, one)
         silent: Any = SimpleNamespace(
             fileno=end.fileno, send=said.append, poll=lambda: None, close=lambda: None
         )
@@ -174,7 +174,7 @@ def test_a_word_too_long_for_the_loop_is_not_cut_in_two(keys: Path) -> None:
     order = Order("slave", "master", True, "127.0.0.1", 1, str(keys / "ours"), SHARED, {})
     one, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with one, other:
-        desk = Desk(order, one)
+        desk = SessionProcess(order, one)
         desk._tell("peer", "\u00e9" * 20_000)  # of which JSON makes six times as many
         assert json.loads(other.recv(65536)) == {"note": "master sent an oversized message"}
         desk._wake.close()

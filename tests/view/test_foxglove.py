@@ -19,7 +19,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from tautwave.errors import RecordingError
 from tautwave.runtime.mcap_schema import CDR_HEADER
-from tautwave.runtime.tuning.desk import Desk, last_left
+from tautwave.runtime.tuning.desk import ParameterPage, last_left
 from tautwave.view import foxglove, tuner
 from tautwave.view.guard import Door
 from tautwave.view.server import Server
@@ -32,8 +32,8 @@ MAX_MESSAGES = 500
 
 
 @pytest.fixture(scope="module")
-def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Run, Door, Desk]]:
-    desk = Desk(1)
+def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Run, Door, ParameterPage]]:
+    desk = ParameterPage(1)
     facts = {"desk": desk.address, "knobs": [KNOB], "fixed": [], "hardware": []}
     rig = BENCH.read_text() + "\noperate: {scales: [0.5]}\n"
     with served(tmp_path_factory.mktemp("run"), rig, tuning=facts) as (run, door):
@@ -85,7 +85,7 @@ def call(socket: ClientConnection, service: int, body: str = "{}") -> dict[str, 
     return dict(json.loads(data[17:]))
 
 
-def test_rows_come_as_ros_messages(serving: tuple[Run, Door, Desk]) -> None:
+def test_rows_come_as_ros_messages(serving: tuple[Run, Door, ParameterPage]) -> None:
     run, door, _ = serving
     with client(door, "") as socket:
         assert socket.subprotocol == "foxglove.sdk.v1"
@@ -113,7 +113,7 @@ def test_rows_come_as_ros_messages(serving: tuple[Run, Door, Desk]) -> None:
             assert time_ns == run.recorder_epoch_ns + round(1e9 * values[0])
 
 
-def test_subscriptions_of_a_socket_are_bounded(serving: tuple[Run, Door, Desk]) -> None:
+def test_subscriptions_of_a_socket_are_bounded(serving: tuple[Run, Door, ParameterPage]) -> None:
     run, door, _ = serving
     with client(door, "") as socket:
         (channel,) = heard(socket, "advertise")["channels"]
@@ -169,7 +169,7 @@ def suppressed(early: Server) -> None:
 
 
 def test_a_parameter_is_set_and_a_forbidden_one_refused_with_its_range(
-    serving: tuple[Run, Door, Desk], monkeypatch: pytest.MonkeyPatch
+    serving: tuple[Run, Door, ParameterPage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, door, desk = serving
 
@@ -194,7 +194,7 @@ def test_a_parameter_is_set_and_a_forbidden_one_refused_with_its_range(
 
 
 def test_services_give_commands_and_say_what_became_of_them(
-    serving: tuple[Run, Door, Desk], monkeypatch: pytest.MonkeyPatch
+    serving: tuple[Run, Door, ParameterPage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, door, _ = serving
     with client(door, "secret-token") as socket:
@@ -237,7 +237,7 @@ def test_services_give_commands_and_say_what_became_of_them(
         assert run.orders() == []
 
 
-def test_nonsense_is_answered_and_ends_nothing(serving: tuple[Run, Door, Desk]) -> None:
+def test_nonsense_is_answered_and_ends_nothing(serving: tuple[Run, Door, ParameterPage]) -> None:
     _, door, _ = serving
     with client(door, "secret-token") as socket:
         for text in ("[]", "{", '{"op": 3}', '{"op": "getParameters", "id": "\\ud800"}',
@@ -252,7 +252,9 @@ def test_nonsense_is_answered_and_ends_nothing(serving: tuple[Run, Door, Desk]) 
             pass
 
 
-def test_foreign_pages_are_refused_and_the_layout_fits(serving: tuple[Run, Door, Desk]) -> None:
+def test_foreign_pages_are_refused_and_the_layout_fits(
+    serving: tuple[Run, Door, ParameterPage],
+) -> None:
     _, door, _ = serving
     origin: Any = "https://app.example"
     with pytest.raises(InvalidStatus, match="403"), client(door, "secret-token", origin=origin):

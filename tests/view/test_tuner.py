@@ -16,7 +16,7 @@ from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.errors import ConfigError, NotCertifiedError
 from tautwave.rig import build_rig
 from tautwave.rig.tuning import knobs_of
-from tautwave.runtime.tuning.desk import Desk, last_left, leave
+from tautwave.runtime.tuning.desk import ParameterPage, last_left, leave
 from tautwave.view import tuner
 from tautwave.view.tuner import asked_of, tune, with_values
 from tests.view.served import BENCH
@@ -27,7 +27,7 @@ FILTER = "coupling.pairs.lever.wave_filter_hz"
 ROW = (3.0, 4e-4, 1.1, 100.0)
 
 
-def run_with(desk: Desk) -> Any:
+def run_with(desk: ParameterPage) -> Any:
     knobs = [
         {"path": path, "column": path, "low": 0.0, "high": 30.0 * value, "unit": "x",
          "ramped": path != FILTER}
@@ -54,7 +54,7 @@ def run_with(desk: Desk) -> Any:
     ],
 )
 def test_what_may_not_be_asked_for(values: Mapping[str, Any], why: str) -> None:
-    desk = Desk(4)
+    desk = ParameterPage(4)
     with pytest.raises(ConfigError, match=why):
         asked_of(run_with(desk), ROW, values)
     desk.close()
@@ -77,7 +77,7 @@ def test_the_set_and_the_corner_of_the_way_are_certified(monkeypatch: pytest.Mon
             raise NotCertifiedError("too much")
 
     monkeypatch.setattr(tuner, "_certify", certify)
-    rig, desk = load_rig(BENCH, ["operate.scales=[0.5]"]), Desk(4)
+    rig, desk = load_rig(BENCH, ["operate.scales=[0.5]"]), ParameterPage(4)
     run = run_with(desk)
     leave(desk.address, [2.0, 4e-4, 1.1, 100.0])  # on its way to 2.0 already
     asked = asked_of(run, ROW, {B: 5e-4, FILTER: 50.0})
@@ -111,7 +111,7 @@ def test_a_limit_of_a_law_that_clips_both_ends_alike_is_certified_anew(
 
     monkeypatch.setattr(tuner, "_certify", certify)
     keys = f"coupling={{law: {law}, pairs: {{lever: {{stiffness: 1.0, damping: 0.0}}}}}}"
-    rig, desk = load_rig(LEVERS, ["require=passive", keys]), Desk(1)
+    rig, desk = load_rig(LEVERS, ["require=passive", keys]), ParameterPage(1)
     asked = tuner.Asked({LIMIT: 1.1}, {LIMIT: 1.1}, {LIMIT: 0.5}, {LIMIT})
     facts = {"hardware": [], "knobs": [{"path": LIMIT}], "desk": desk.address}
     run: Any = SimpleNamespace(facts={"tuning": facts})
@@ -133,7 +133,7 @@ def test_a_tuned_limit_leaves_the_load_what_it_needs(monkeypatch: pytest.MonkeyP
     control = build_rig(rig, clock="fake").control
     knob = next(one for one in knobs_of(rig, control) if one.path == LIMIT)
     assert knob.high == knob.value == pytest.approx(1.1 - 0.55)
-    desk = Desk(1)
+    desk = ParameterPage(1)
     facts = {"hardware": [], "knobs": [{"path": LIMIT}], "desk": desk.address}
     run: Any = SimpleNamespace(facts={"tuning": facts})
     asked = tuner.Asked({LIMIT: knob.value}, {LIMIT: knob.value}, {LIMIT: 0.05}, {LIMIT})
@@ -270,7 +270,7 @@ def test_a_certificate_that_does_not_come_is_not_waited_for(
 
 @pytest.mark.slow
 def test_the_certificate_of_another_process_decides() -> None:
-    rig, desk = load_rig(BENCH), Desk(4)
+    rig, desk = load_rig(BENCH), ParameterPage(4)
     run = run_with(desk)
     assert "stiffness 3.1" in asyncio.run(tune(run, rig, asked_of(run, ROW, {K: 3.1})))
     with pytest.raises(NotCertifiedError, match="K = 20 N m/rad is"):

@@ -16,7 +16,7 @@ from typing import Any, cast
 import click
 
 from tautwave import __version__
-from tautwave.cli.terminal.streams import drop, escaped, open_streams, unheard
+from tautwave.cli.terminal.streams import drop, escaped, open_streams, suppress_output_errors
 from tautwave.errors import ConfigError, TautwaveError, WritingError
 from tautwave.files import create, reason
 
@@ -128,7 +128,7 @@ class Commands(click.Group):
             _say(str(err) or type(err).__name__)
             ctx.exit(err.exit_code)
         except click.ClickException as err:
-            with unheard(sys.stderr):
+            with suppress_output_errors(sys.stderr):
                 err.show()
             ctx.exit(err.exit_code)
         except (click.exceptions.Exit, click.Abort):
@@ -162,7 +162,7 @@ def command_line(ctx: click.Context) -> str:
 
 def _say(sentence: str) -> None:
     """Print on stderr; if that is closed or full, the exit code still tells."""
-    with unheard(sys.stderr):
+    with suppress_output_errors(sys.stderr):
         click.echo(escaped(sentence), err=True)
 
 

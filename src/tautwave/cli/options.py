@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from tautwave.cli.terminal.streams import unheard
+from tautwave.cli.terminal.streams import suppress_output_errors
 from tautwave.errors import ConfigError
 from tautwave.kinds import RUN, kind_of_keys, kind_of_path, mistaken
 
@@ -222,7 +222,7 @@ def positive(ctx: click.Context, param: click.Parameter, value: float | None) ->
 
 def echo_json(value: Any) -> None:
     """Print `value` as readable JSON."""
-    with unheard(sys.stdout, BrokenPipeError):
+    with suppress_output_errors(sys.stdout, BrokenPipeError):
         click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 

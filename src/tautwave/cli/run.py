@@ -133,7 +133,7 @@ def run(
     from tautwave.cli.terminal.progress import Progress
     from tautwave.cli.terminal.serve_page import page_beside
     from tautwave.cli.terminal.show import show
-    from tautwave.cli.terminal.streams import escaped, unheard, warn
+    from tautwave.cli.terminal.streams import escaped, suppress_output_errors, warn
     from tautwave.cli.terminal.summary import summary_sections
     from tautwave.config import load_rig
     from tautwave.summary.ending import last_line
@@ -146,7 +146,7 @@ def run(
     from tautwave import session
 
     ways = session.describe_ways(loaded, clock=clock, simulate=simulate, attach=attach)
-    with unheard(sys.stdout):
+    with suppress_output_errors(sys.stdout):
         for sentence in ways:
             click.echo(sentence)
     # A script finds all files when the command ends; a person is shown the verdict at once.
@@ -183,9 +183,9 @@ def run(
             directory.rmdir()  # removes it only if empty: a run that never began leaves nothing
     if cast("Commands", ctx.find_root().command).owns_process:
         with interrupts() as heard:
-            heard.stay_deaf()
+            heard.ignore_further_signals()
     summary = result.summary
-    with unheard(sys.stdout):
+    with suppress_output_errors(sys.stdout):
         show(
             summary_sections(
                 loaded.name,
@@ -197,7 +197,7 @@ def run(
             )
         )
     played = _played(result.directory) if play else ""
-    with unheard(sys.stderr):
+    with suppress_output_errors(sys.stderr):
         if played:
             click.echo(played, err=True)
         if result.exit_code:

@@ -50,5 +50,5 @@ def sample_gain(
         law.steps.close(one, p, sample, 1.0, period, 0.0)
         law.steps.close(two, p, 0.0, 1.0, period, 0.0)
         law.steps.exchange(pair, True, True, True)
-        efforts.append(law.steps.think(one, p, one.velocity))
+        efforts.append(law.steps.compute_effort(one, p, one.velocity))
     return (efforts[1] - efforts[0]) / off

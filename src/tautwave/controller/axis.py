@@ -103,10 +103,10 @@ def pass_slot(s: AxisState, p: AxisParams, table: MutableSequence[float], steps:
         s.effort_sum += s.total
         s.port_sum += s.port_effort
         s.wall_sum += s.wall_effort
-        if p.site.lightens:
+        if p.site.compensates_inertia:
             s.inertia.sum += s.inertia.effort
     s.count += 1
-    steps.act(s, p, tag)
+    steps.on_acted(s, p, tag)
 
 
 def pass_late(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> float:
@@ -168,7 +168,7 @@ def pass_late(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> flo
 def miss_sample(s: AxisState, p: AxisParams, steps: Steps) -> None:
     """No sample in this cycle: nothing is known, nothing leaves, the command stays."""
     s.valid = False
-    steps.miss(s, p)
+    steps.on_missing(s, p)
 
 
 def take_sample(s: AxisState, p: AxisParams, m: Sample, steps: Steps) -> None:
@@ -235,7 +235,7 @@ def close_axis(s: AxisState, p: AxisParams, position: float, outside: float, ste
         s.port_effort = port
         energy = mean * displacement
     lift = 0.0
-    if site.lightens:
+    if site.compensates_inertia:
         lift = close_inertia(s, p, displacement, count)
     if site.has_wall or site.compensates:
         s.wall_velocity += site.gain * (displacement / span - s.wall_velocity)
@@ -282,7 +282,7 @@ def pending_effort(s: AxisState, p: AxisParams, table: MutableSequence[float]) -
     return pending
 
 
-def think_axis(
+def decide_command(
     s: AxisState,
     p: AxisParams,
     table: MutableSequence[float],
@@ -306,11 +306,11 @@ def think_axis(
     if p.delay > 0:
         pending = pending_effort(s, p, table)
     if p.impedance:
-        return think_effort(s, p, pending, ceiling, steps)
-    return think_velocity(s, p, pending, ceiling, steps)
+        return decide_effort(s, p, pending, ceiling, steps)
+    return decide_velocity(s, p, pending, ceiling, steps)
 
 
-def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, steps: Steps) -> int:
+def decide_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, steps: Steps) -> int:
     """Decide the effort of an impedance axis; `pending` is the sum of those that act before it.
 
     Efforts are resisting: positive ones oppose positive motion, and the motor gets `-total`. Each
@@ -323,22 +323,24 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     the stop's command instead.
     """
     site = p.site
-    coast = s.velocity - site.half_mobility * (s.impulse + 2.0 * pending)
+    free_velocity = s.velocity - site.half_mobility * (s.impulse + 2.0 * pending)
     wall = 0.0
     if site.has_wall:
         energy = s.wall_contact_energy
         paying = s.wall_owes
-        wall = render_wall(site, energy, paying, s.position, s.wall_velocity, coast, ceiling)
+        wall = render_wall(
+            site, energy, paying, s.position, s.wall_velocity, free_velocity, ceiling
+        )
     known = wall
     support = 0.0
     if site.compensates:
         support = compensation_effort(site.compensation, s.wall_velocity)
         known = wall + support
-    if site.lightens:
-        lift = lighten(s, p, coast - site.half_mobility * known, ceiling)
+    if site.compensates_inertia:
+        lift = lighten(s, p, free_velocity - site.half_mobility * known, ceiling)
         support = support + lift
         known = known + lift
-    port = steps.think(s, p, coast - site.half_mobility * known)
+    port = steps.compute_effort(s, p, free_velocity - site.half_mobility * known)
     if port - port != 0.0:
         s.alarm = NOT_A_NUMBER
     if s.alarm != 0:
@@ -349,17 +351,17 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
     if ceiling < p.ceiling or not -site.clip <= asked <= site.clip:
         port = clip_coupling(site, asked, ceiling, p.ceiling)
         cut = asked - port
-    if site.compensates or site.lightens:
+    if site.compensates or site.compensates_inertia:
         port = port + support
     wanted = wall + port
     top = ceiling
     if ceiling < p.ceiling:
-        top = rising_ceiling(s, p, wanted, coast, ceiling)
+        top = rising_ceiling(s, p, wanted, free_velocity, ceiling)
     else:
         s.risen = ceiling
     bound = top
     if not -site.sure <= wanted <= site.sure:
-        bound = stall_ceiling(site.stall, s.velocity, coast, wanted, top)
+        bound = stall_ceiling(site.stall, s.velocity, free_velocity, wanted, top)
     total = limit_effort(site.limit, wanted, s.total, bound)
     s.limited = 0
     if total != wanted:
@@ -376,7 +378,7 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
         if ceiling < p.ceiling:
             s.limited = s.limited | RAMPED
         wanted = wanted + cut
-    if site.compensates or site.lightens:
+    if site.compensates or site.compensates_inertia:
         port = port - support
     s.asked = wanted
     s.total = total
@@ -387,7 +389,7 @@ def think_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, st
 
 
 def rising_ceiling(
-    s: AxisState, p: AxisParams, asked: float, coast: float, ceiling: float
+    s: AxisState, p: AxisParams, asked: float, free_velocity: float, ceiling: float
 ) -> float:
     """Return the bound of an effort under a ceiling that is not at its end [N m or N].
 
@@ -401,18 +403,20 @@ def rising_ceiling(
     site = p.site
     moved = s.position - s.begun
     moved = moved - clamp(moved, site.still)
-    bound = rising_bound(site.limit, asked, s.total, moved, coast, site.half_mobility, ceiling)
+    bound = rising_bound(
+        site.limit, asked, s.total, moved, free_velocity, site.half_mobility, ceiling
+    )
     if bound > p.ceiling:
         return p.ceiling
     return bound
 
 
-def think_velocity(
+def decide_velocity(
     s: AxisState, p: AxisParams, pending: float, ceiling: float, steps: Steps
 ) -> int:
     """Decide the velocity of an admittance axis; `pending` is the sum of those that act before.
 
-    The mirror of `think_effort`: the coupling answers a measured effort with a velocity, in one
+    The mirror of `decide_effort`: the coupling answers a measured effort with a velocity, in one
     equation with the local wall's spring and damper where the axis will be when it acts. They
     cannot follow one after the other here: each would see a motion that the other one changes.
     """
@@ -460,7 +464,7 @@ def decide_axis(
 ) -> int:
     """Think if there is a sample; without one, let go while stopping, else keep the command."""
     if valid:
-        return think_axis(s, p, table, ramp * p.ceiling, steps)
+        return decide_command(s, p, table, ramp * p.ceiling, steps)
     return miss_axis(s, p, ramp * p.ceiling)
 
 

@@ -53,8 +53,8 @@ def close_inertia(s: AxisState, p: AxisParams, displacement: float, count: float
     return effort
 
 
-def lighten(s: AxisState, p: AxisParams, coast: float, ceiling: float) -> float:
-    """Return the effort of the next period [N m or N]; `coast` is its velocity without it.
+def lighten(s: AxisState, p: AxisParams, free_velocity: float, ceiling: float) -> float:
+    """Return the effort of the next period [N m or N]; `free_velocity` is its velocity without it.
 
     Its share of the axis falls with the `ceiling` as that of coupling and wall does: beside a
     spring whose ends are clipped alike, more of it would be taken from one end alone.
@@ -65,7 +65,7 @@ def lighten(s: AxisState, p: AxisParams, coast: float, ceiling: float) -> float:
     if ceiling < site.limit.effort:
         most = most * (ceiling / site.limit.effort)
     e.effort = inertia_effort(
-        site.inertia, e.funds, e.push, coast, site.half_mobility, site.period, most
+        site.inertia, e.funds, e.push, free_velocity, site.half_mobility, site.period, most
     )
     effort: float = e.effort
     return effort

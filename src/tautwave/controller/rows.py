@@ -32,7 +32,7 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams, law: Law) -> li
     sides = (("master", p1), ("slave", p2))
     walls = [f"wall_{side}" for side, p in sides if p.site.has_wall]
     helps = [f"compensation_{side}" for side, p in sides if p.site.compensates]
-    lifts = [f"inertia_{side}" for side, p in sides if p.site.lightens]
+    lifts = [f"inertia_{side}" for side, p in sides if p.site.compensates_inertia]
     return [*law.elements(q, p1, p2), *walls, *helps, *lifts]
 
 
@@ -102,7 +102,7 @@ def fill_compensation(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
 
 def fill_inertia(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     """Write the account of what takes inertia off, if it is there."""
-    if not p.site.lightens:
+    if not p.site.compensates_inertia:
         return at
     e = s.inertia
     stored = e.funds - p.site.inertia.account.reserve

@@ -212,7 +212,8 @@ def seen_law(
     name : str
         As in the messages of a run.
     effort : callable
-        ``effort(s, p, coast)``: the resisting effort until the next sample, as `Steps.think`.
+        ``effort(s, p, free_velocity)``: the resisting effort until the next sample, as
+        `Steps.compute_effort`.
     end : callable
         State of an end: `SeenEnd` or a slotted dataclass derived from it.
     begin : callable
@@ -238,7 +239,7 @@ def seen_law(
             engage=bound(engage, own),
             close=bound(close, own),
             exchange=bound(exchange, own),
-            think=effort,
+            compute_effort=effort,
             fill_signals=fill_signals,
             fill_elements=fill_elements,
         ),

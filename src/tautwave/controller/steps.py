@@ -34,7 +34,7 @@ def no_engage(pair: PairView) -> None:
     """Nothing is on its way."""
 
 
-def no_act(s: AxisState, p: AxisParams, tag: float) -> None:
+def ignore_acted(s: AxisState, p: AxisParams, tag: float) -> None:
     """Book nothing by the slot."""
 
 
@@ -44,7 +44,7 @@ def no_close(
     """Book nothing by the sample."""
 
 
-def no_miss(s: AxisState, p: AxisParams) -> None:
+def ignore_missing(s: AxisState, p: AxisParams) -> None:
     """Nothing would have left."""
 
 
@@ -52,7 +52,7 @@ def no_exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> Non
     """Nothing passes between the sides."""
 
 
-def no_effort(s: AxisState, p: AxisParams, coast: float) -> float:
+def no_effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Ask for no effort."""
     return 0.0
 
@@ -98,15 +98,15 @@ class Steps(NamedTuple):
     the whole pair as one `PairView`.
 
     `start`: forget everything, the pair begins where it stands; `gap` [rad or m] is how far the
-    slave is from where it should be. `engage`: just before the first thought. `act`: a command
+    slave is from where it should be. `engage`: just before the first thought. `on_acted`: a command
     acted for one slot; `tag` is the number that the end had put beside it. `close`: a sample came,
     `displacement` [rad or m] in `count` periods, `span` [s], under the mean resisting effort `port`
-    [N m or N]. `miss`: none came. `exchange`: pass what left from side to side, one slot on; not
-    `here`: a slot that the loop did not see; `due`: this side was read in this slot. `think`:
-    return the resisting effort for the next period [N m or N], where `coast` is its mean velocity
-    without it [rad/s or m/s]. `move`: return the velocity of an admittance axis, see
-    `laws.servo.admittance`. `brake`: return what may act of the effort that a stop asks for [N m or
-    N]; without a sample nothing of it acts.
+    [N m or N]. `on_missing`: none came. `exchange`: pass what left from side to side, one slot on;
+    not `here`: a slot that the loop did not see; `due`: this side was read in this slot.
+    `compute_effort`: return the resisting effort for the next period [N m or N], where
+    `free_velocity` is its mean velocity without it [rad/s or m/s]. `move`: return the velocity of
+    an admittance axis, see `laws.servo.admittance`. `brake`: return what may act of the effort that
+    a stop asks for [N m or N]; without a sample nothing of it acts.
 
     `fill_signals` and `fill_elements` write columns and return the next index. `signals` are the
     names of an axis' columns, `elements(q, p1, p2)` those of a pair's elements, three columns each.
@@ -114,11 +114,11 @@ class Steps(NamedTuple):
 
     start: Callable[..., None] = no_start
     engage: Callable[..., None] = no_engage
-    act: Callable[..., None] = no_act
+    on_acted: Callable[..., None] = ignore_acted
     close: Callable[..., None] = no_close
-    miss: Callable[..., None] = no_miss
+    on_missing: Callable[..., None] = ignore_missing
     exchange: Callable[..., None] = no_exchange
-    think: Callable[..., float] = no_effort
+    compute_effort: Callable[..., float] = no_effort
     move: Callable[..., float] = no_velocity
     brake: Callable[..., float] = no_brake
     fill_signals: Callable[..., int] = fill_no_signals

@@ -135,7 +135,7 @@ def planned_share(late: int) -> float:
 
 
 def gate_bounds(
-    p: AccountParams, funds: float, coast: float, half_mobility: float, period: float
+    p: AccountParams, funds: float, free_velocity: float, half_mobility: float, period: float
 ) -> tuple[float, float]:
     """Return between which efforts the law may choose [N m or N].
 
@@ -149,7 +149,7 @@ def gate_bounds(
         Constants; `edge` is at most 1 / M.
     funds : float
         What may be given [J]; less than 0 counts as 0.
-    coast : float
+    free_velocity : float
         Mean velocity of the coming period without it [rad/s or m/s].
     half_mobility : float
         M = T / (2 m) > 0.
@@ -158,10 +158,10 @@ def gate_bounds(
     """
     given = 0.0
     if funds > 0.0:
-        root = math.sqrt(coast * coast + 4.0 * half_mobility * funds / period)
-        given = (root - math.fabs(coast)) / (2.0 * half_mobility)
-    taken = p.edge * coast
-    if coast > 0.0:
+        root = math.sqrt(free_velocity * free_velocity + 4.0 * half_mobility * funds / period)
+        given = (root - math.fabs(free_velocity)) / (2.0 * half_mobility)
+    taken = p.edge * free_velocity
+    if free_velocity > 0.0:
         return -given, given + taken
     return taken - given, given
 
@@ -169,7 +169,7 @@ def gate_bounds(
 def planned_bounds(
     p: AccountParams,
     funds: float,
-    coast: float,
+    free_velocity: float,
     smooth: float,
     half_mobility: float,
     period: float,
@@ -180,7 +180,7 @@ def planned_bounds(
     it does at the smoothed one. Other arguments are those of `gate_bounds`.
     """
     may = p.share * funds
-    low, high = gate_bounds(p, may, coast, half_mobility, period)
+    low, high = gate_bounds(p, may, free_velocity, half_mobility, period)
     calm_low, calm_high = gate_bounds(p, CALM_SHARE * may, smooth, half_mobility, period)
     if calm_low > low:
         low = calm_low

@@ -86,7 +86,7 @@ def inertia_effort(
     p: InertiaParams,
     funds: float,
     push: float,
-    coast: float,
+    free_velocity: float,
     half_mobility: float,
     period: float,
     ceiling: float,
@@ -101,7 +101,7 @@ def inertia_effort(
         What is in the account [J].
     push : float
         Observed acceleration by all but this effort [rad/s**2 or m/s**2].
-    coast : float
+    free_velocity : float
         Mean velocity of the coming period without it [rad/s or m/s].
     half_mobility, period : float
         M = T / (2 m), m the lower bound [rad/(s N m) or m/(s N)], and T [s].
@@ -112,7 +112,9 @@ def inertia_effort(
     if ceiling < bound:
         bound = ceiling
     wanted = clamp(-p.gain * push, bound)
-    low, high = gate_bounds(p.account, p.account.share * funds, coast, half_mobility, period)
+    low, high = gate_bounds(
+        p.account, p.account.share * funds, free_velocity, half_mobility, period
+    )
     if wanted < low:
         wanted = low
     elif wanted > high:

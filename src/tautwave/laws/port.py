@@ -285,9 +285,9 @@ def port_effort(
     arriving : float
         Arriving wave [W**0.5].
     """
-    coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
-    effort = p.coast_gain * coast - p.wave_gain * arriving
-    ahead = coast - (p.half_mobility + p.slip) * effort
+    free_velocity = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
+    effort = p.coast_gain * free_velocity - p.wave_gain * arriving
+    ahead = free_velocity - (p.half_mobility + p.slip) * effort
     given = -effort * ahead * p.period
     funds = account + p.half_period * arriving * arriving
     if not given <= funds and given > 0.0:
@@ -313,8 +313,8 @@ def port_bounded(
     one end presses with all it has and nothing is felt at the other.
     """
     if effort > p.ramp.half_step or effort < -p.ramp.half_step:
-        coast = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
-        return ramped_effort(p.ramp, account, coast, effort)
+        free_velocity = velocity + p.ahead * outside - 2.0 * p.half_mobility * pending
+        return ramped_effort(p.ramp, account, free_velocity, effort)
     return effort
 
 
@@ -323,7 +323,7 @@ def recovery_friction(
     account: float,
     gap: float,
     smooth: float,
-    coast: float,
+    free_velocity: float,
     effort: float,
 ) -> float:
     """Return the friction that an end adds while it owes and its tank is low [N m or N].
@@ -340,14 +340,14 @@ def recovery_friction(
         Energy in the tank [J] and wave integral not sent yet [W**0.5 s].
     smooth : float
         Smoothed velocity [rad/s or m/s].
-    coast : float
+    free_velocity : float
         Mean velocity with which the device would move in the period without port [rad/s or m/s].
     effort : float
         `port_effort` [N m or N].
     """
     k = p.recovery
     need = 3.0 - k.need * account
-    ahead = coast - p.half_mobility * effort
+    ahead = free_velocity - p.half_mobility * effort
     moves = smooth - clamp(smooth, k.least)
     if need <= 0.0 or not moves * ahead > 0.0:
         return 0.0

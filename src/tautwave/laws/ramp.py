@@ -168,13 +168,13 @@ def stall_bound(p: StallParams, along: float) -> float:
 
 
 def stall_ceiling(
-    p: StallParams, velocity: float, coast: float, effort: float, ceiling: float
+    p: StallParams, velocity: float, free_velocity: float, effort: float, ceiling: float
 ) -> float:
     """Return the lower of `ceiling` and what a stall allows of a resisting effort [N m or N].
 
     A device has the velocity with which it enters the period of the command from what it had, by
     efforts that are known and a mass of which only the lower bound is: that of a heavier one lies
-    between `velocity` and `coast`.
+    between `velocity` and `free_velocity`.
 
     Parameters
     ----------
@@ -182,15 +182,15 @@ def stall_ceiling(
         Constants.
     velocity : float
         Mean velocity measured between the last two samples [rad/s or m/s].
-    coast : float
+    free_velocity : float
         Velocity with which the lightest device enters the period [rad/s or m/s].
     effort : float
         Resisting effort [N m or N].
     ceiling : float
         Its bound by other reasons [N m or N].
     """
-    along = coast
-    if (velocity > coast) == (effort < 0.0):
+    along = free_velocity
+    if (velocity > free_velocity) == (effort < 0.0):
         along = velocity
     if effort > 0.0:
         along = -along

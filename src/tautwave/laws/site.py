@@ -32,8 +32,8 @@ class SiteParams(NamedTuple):
 
     `period` from one sample to the next [s]; `half_mobility` = T / (2 mass lower bound), 0 without
     one; `gain` is the velocity tracker's (1: plain difference); `velocity_quantum` is the drive's
-    (0: none). `compensation` of the device's friction, if it `compensates`; `inertia` that is
-    taken off, if it `lightens`. `clip` and `wall_clip` are what the coupling's effort and the
+    (0: none). `compensation` of the device's friction, if it `compensates`; `inertia` that is taken
+    off, if it `compensates_inertia`. `clip` and `wall_clip` are what the coupling's effort and the
     wall's are clipped at, each by itself [N m or N]; infinite: by the limits of both alone. `stall`
     bounds all of the effort for a host that stalls; up to `sure` [N m or N] that never binds. A
     device that is `still` [rad or m] or less away from a place may not have left it.
@@ -49,7 +49,7 @@ class SiteParams(NamedTuple):
     compensation: CompensationParams = NO_COMPENSATION
     compensates: bool = False
     inertia: InertiaParams = NO_INERTIA
-    lightens: bool = False
+    compensates_inertia: bool = False
     clip: float = math.inf
     wall_clip: float = math.inf
     stall: StallParams = NO_STALL
@@ -63,7 +63,7 @@ def render_wall(
     owes: bool,
     position: float,
     velocity: float,
-    coast: float,
+    free_velocity: float,
     ceiling: float,
 ) -> float:
     """Return the resisting effort of the local wall of an impedance axis [N m or N].
@@ -80,7 +80,7 @@ def render_wall(
         Measured position [rad or m].
     velocity : float
         Velocity filtered for the wall [rad/s or m/s].
-    coast : float
+    free_velocity : float
         Mean velocity of the coming acting period if nothing new acted [rad/s or m/s].
     ceiling : float
         Present effort ceiling of the engage ramp [N m or N].
@@ -95,7 +95,7 @@ def render_wall(
             bound = share
     wall = clamp(wall_effort(p.wall, depth, velocity), bound)
     if p.wall.controlled or owes:
-        return control_wall(p.wall, wall, energy, coast, p.half_mobility, p.period)
+        return control_wall(p.wall, wall, energy, free_velocity, p.half_mobility, p.period)
     return hold_wall(p.wall, wall, 0.0)
 
 

@@ -97,7 +97,12 @@ def hold_wall(p: WallParams, effort: float, energy: float) -> float:
 
 
 def control_wall(
-    p: WallParams, effort: float, energy: float, coast: float, half_mobility: float, period: float
+    p: WallParams,
+    effort: float,
+    energy: float,
+    free_velocity: float,
+    half_mobility: float,
+    period: float,
 ) -> float:
     """Limit a wall's resisting effort so that it returns no more energy than it absorbed.
 
@@ -116,7 +121,7 @@ def control_wall(
         Resisting effort of the wall [N m or N].
     energy : float
         Energy absorbed since contact began, less what was owed then [J].
-    coast : float
+    free_velocity : float
         Predicted mean velocity without the wall's effort [rad/s or m/s].
     half_mobility : float
         T / (2 lower bound of mass).
@@ -130,7 +135,7 @@ def control_wall(
     """
     effort = hold_wall(p, effort, energy)
     push = p.side * effort
-    retreat = -p.side * coast
+    retreat = -p.side * free_velocity
     if push <= 0.0 or energy + push * period * (-retreat - half_mobility * push) >= 0.0:
         return effort
     if energy <= 0.0:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from tautwave.summary.model import Side
 from tautwave.types import VOLUNTARY_HZ
 
-UNCALM = 0.2
+CHATTER_THRESHOLD = 0.2
 """Share of motion power above 8 Hz from which on a pair buzzes."""
 
 
@@ -19,10 +19,10 @@ def worst_share(shares: Mapping[Side, float | None]) -> tuple[str, float] | None
     return side, shares[side] or 0.0
 
 
-def unrest(shares: Mapping[Side, float | None], pair: str) -> str:
+def high_frequency_share(shares: Mapping[Side, float | None], pair: str) -> str:
     """Return a sentence on a pair that buzzes, "" where it is calm."""
     found = worst_share(shares)
-    if found is None or found[1] <= UNCALM:
+    if found is None or found[1] <= CHATTER_THRESHOLD:
         return ""
     return (
         f"{pair}: not calm: {100.0 * found[1]:.0f} % of the {found[0]}'s motion power is above "

@@ -263,7 +263,7 @@ def axis_params(rig: Rig, axis_name: str, delay: CommandDelay, pipe: int) -> Axi
                 allowance.lift_effort,
                 allowance.paying_coulomb,
             ),
-            lightens=keys is not None and keys.inertia > 0.0,
+            compensates_inertia=keys is not None and keys.inertia > 0.0,
             stall=NO_STALL if stall is None else stall,
             sure=math.inf if stall is None else sure_effort(stall, allowance, delay),
         ),

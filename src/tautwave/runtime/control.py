@@ -116,13 +116,13 @@ class Control(ABC):
         check_sample(self.run, self.state, self.quick[which], self.axes, m, slot, which)
         return m.valid
 
-    def take_all(self, first: int, measured: Sequence[JointState], slot: int) -> Sequence[int]:
+    def on_samples(self, first: int, measured: Sequence[JointState], slot: int) -> Sequence[int]:
         """Take the samples of a bus, whose first axis is `first`; return which are unusable."""
         return [
             which for which, one in enumerate(measured, first) if not self.take(which, one, slot)
         ]
 
-    def miss(self, first: int, count: int) -> None:
+    def on_missing(self, first: int, count: int) -> None:
         """Skip the samples of some axes without counting them as missing."""
         for m in self.samples[first : first + count]:
             m.valid = False

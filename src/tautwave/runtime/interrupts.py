@@ -42,7 +42,7 @@ class Interrupts:
         self.number = number
         self.hear(number)
 
-    def stay_deaf(self) -> None:
+    def ignore_further_signals(self) -> None:
         """Ignore signals until the process has ended, so that its exit code stands."""
         self._deaf = True
 

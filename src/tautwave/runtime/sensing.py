@@ -98,7 +98,7 @@ class Sensing:
                 asked, self._asked[number] = self._asked[number], -1
                 if asked < 0:
                     # The loop was too late to send the request: no sample counts as missing.
-                    control.miss(first, len(bus.axes))
+                    control.on_missing(first, len(bus.axes))
                     continue
             measured = bus.driver.read(deadline_ns)
             if len(measured) != len(bus.axes):
@@ -107,7 +107,7 @@ class Sensing:
                     "its driver must return one per axis, valid or not"
                 )
             self._take_faults(bus, first, slot)  # first: they tell more than a missing sample
-            unusable = control.take_all(first, measured, slot)
+            unusable = control.on_samples(first, measured, slot)
             for which in unusable:
                 self.lost[which] += 1
             if unusable:
@@ -146,7 +146,7 @@ class Sensing:
             bus.driver.read(0)
             bus.driver.write(bus_commands(self._control, bus, first))
             self._asked[number] = -1
-            self._control.miss(first, len(bus.axes))
+            self._control.on_missing(first, len(bus.axes))
         on_time = phase == 0 or 2 * (phase + 1) <= bus.divisor
         if on_time and self._asked[number] < 0:
             bus.driver.request()

@@ -62,7 +62,7 @@ from tautwave.summary.model import CommandDelay as CommandDelayOf
 from tautwave.types import CommandDelay, Fault
 
 
-class Moved(NamedTuple):
+class LoopOutcome(NamedTuple):
     """Result of a finished loop."""
 
     loop: Loop
@@ -313,7 +313,7 @@ def _move(
     keep: Callable[[], None],
     facts: dict[str, Any],
     real: Sequence[str],
-) -> Moved:
+) -> LoopOutcome:
     """Run the loop of a built rig with its recorder; call `keep` once it has begun.
 
     Raises
@@ -369,7 +369,7 @@ def _move(
         if isinstance(result.error, TautwaveError):
             raise result.error
     keep()
-    return Moved(loop, result, stats, sentences, wall_time_s)
+    return LoopOutcome(loop, result, stats, sentences, wall_time_s)
 
 
 @contextmanager

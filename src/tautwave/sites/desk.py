@@ -57,7 +57,7 @@ class Order(NamedTuple):
     facts: Mapping[str, Any]
 
 
-class Desk:
+class SessionProcess:
     """One site's part in finding and keeping the other one."""
 
     def __init__(self, order: Order, local: socket.socket) -> None:
@@ -248,7 +248,7 @@ def main() -> int:
     """Keep a desk for the process whose socket is argv[1]; its order comes on stdin."""
     local = socket.socket(fileno=int(sys.argv[1]))
     try:
-        Desk(Order(**json.load(sys.stdin)), local).run()
+        SessionProcess(Order(**json.load(sys.stdin)), local).run()
     except TautwaveError as err:
         with suppress(OSError):
             local.send(json.dumps({"refused": str(err)}).encode())

@@ -30,7 +30,7 @@ import numpy as np
 from tautwave import __version__
 from tautwave.config.guard import parse_json, read_guarded
 from tautwave.errors import ConfigError, LinkError
-from tautwave.sweep.pool import AHEAD, Piece, Worker
+from tautwave.sweep.pool import MAX_QUEUED_PER_WORKER, Piece, Worker
 
 ANSWER_S = 10
 """[s] How long a scheduler may take to answer."""
@@ -185,7 +185,7 @@ class Cluster:
 
         def fill() -> None:
             self._count()
-            more = list(islice(ahead, max(0, AHEAD * self.jobs - len(waiting))))
+            more = list(islice(ahead, max(0, MAX_QUEUED_PER_WORKER * self.jobs - len(waiting))))
             for future in client.map(do, more, pure=False, retries=RETRIES) if more else ():
                 waiting.add(future)
                 future.add_done_callback(finished.put)

@@ -15,7 +15,7 @@ from contextlib import suppress
 from multiprocessing import connection, get_context, parent_process
 from typing import Any, Protocol
 
-AHEAD = 2
+MAX_QUEUED_PER_WORKER = 2
 """Queued pieces per worker: enough to keep it busy, few enough to keep memory flat."""
 
 Piece = tuple[int, int]
@@ -58,7 +58,7 @@ class ProcessPool:
         waiting: set[Future[Any]] = set()
 
         def fill() -> None:
-            while len(waiting) < AHEAD * self.jobs:
+            while len(waiting) < MAX_QUEUED_PER_WORKER * self.jobs:
                 piece = next(queue, None)
                 if piece is None:
                     return

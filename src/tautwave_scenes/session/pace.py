@@ -59,7 +59,7 @@ class ScenePace(NamedTuple):
         return f"{cost}{self.share:.0%} of the period of {1e6 * self.period_s:.4g} us"
 
 
-class _Nowhere:
+class _NullRecorder:
     """A sink that discards rows."""
 
     def __init__(self, width: int) -> None:
@@ -90,7 +90,7 @@ def _run_whole(rig: Rig, engine: str, cycles: int) -> float:
     devices = scene_devices(rig, engine)
     built = build_rig(rig, clock="fake", duration_s=cycles * rig.period_s, devices=devices)
     built = use_engine(built, engine)
-    sink = _Nowhere(len(built.columns))
+    sink = _NullRecorder(len(built.columns))
     began: list[int] = []
 
     def tell(share: float, word: str) -> None:

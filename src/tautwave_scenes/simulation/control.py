@@ -138,9 +138,9 @@ class CompiledSceneControl(SceneControl):
         self._push()
         return usable
 
-    def miss(self, first: int, count: int) -> None:
+    def on_missing(self, first: int, count: int) -> None:
         """Skip the samples of some axes without counting them as missing."""
-        super().miss(first, count)
+        super().on_missing(first, count)
         for which in range(first, first + count):
             self._inputs[INPUTS * which + 2] = 0.0
 

@@ -80,7 +80,7 @@ def spring(q: PairParams, p1: AxisParams, p2: AxisParams) -> float:
     return stiffness
 
 
-def effort(s: AxisState, p: AxisParams, coast: float) -> float:
+def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort: spring and damper to the far side, and a damper to ground."""
     e = s.end
     k = p.end

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from tautwave.bench.calls import GUARDED, SERVO_SITE, SITE, WALLED, B, T
 from tautwave.bench.chunks import Cost, Work, costs
 from tautwave.contracts import CoupledAxis
-from tautwave.controller.axis import close_axis, pass_slot, start_axis, think_axis
+from tautwave.controller.axis import close_axis, decide_command, pass_slot, start_axis
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, PairView
 from tautwave.controller.slotted import slotted
 from tautwave.controller.steps import Law, NoParams, Steps
@@ -127,7 +127,7 @@ def thinking(b: Bench) -> Callable[[], None]:
 
     def think() -> None:
         steps.exchange(pair, True, True, True)
-        think_axis(one, p, TABLE, ceiling, steps)
+        decide_command(one, p, TABLE, ceiling, steps)
 
     return think
 

@@ -94,7 +94,11 @@ def _answer(
     control.params = [
         p._replace(
             site=p.site._replace(
-                limit=WIDE, has_wall=False, compensates=False, lightens=False, clip=math.inf
+                limit=WIDE,
+                has_wall=False,
+                compensates=False,
+                compensates_inertia=False,
+                clip=math.inf,
             ),
             ceiling=math.inf,
         )

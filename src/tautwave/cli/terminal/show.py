@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import click
 
-from tautwave.cli.terminal.streams import escaped, unheard
+from tautwave.cli.terminal.streams import escaped, suppress_output_errors
 
 GOOD, BAD, NOTE, FAINT = "green", "bold red", "yellow", "dim"
 
@@ -39,7 +39,7 @@ class Section(NamedTuple):
 def show(sections: Sequence[Section]) -> None:
     """Print the non-empty sections on stdout; the first one is the headline."""
     filled = _filled(sections)
-    with unheard(sys.stdout, BrokenPipeError):
+    with suppress_output_errors(sys.stdout, BrokenPipeError):
         if sys.stdout.isatty():
             _show_rich(filled)
             return

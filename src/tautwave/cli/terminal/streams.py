@@ -32,7 +32,7 @@ def open_streams() -> None:
 
 
 @contextmanager
-def unheard(stream: TextIO, ignored: type[OSError] = OSError) -> Iterator[None]:
+def suppress_output_errors(stream: TextIO, ignored: type[OSError] = OSError) -> Iterator[None]:
     """Print inside the block; a reader that has gone (a closed terminal, `head`) ends it quietly.
 
     The exit code of a command does not depend on the reader of its output.
@@ -46,7 +46,7 @@ def unheard(stream: TextIO, ignored: type[OSError] = OSError) -> Iterator[None]:
 
 def warn(sentence: str) -> None:
     """Say what a user has to know before anything moves, also where the rest is quiet."""
-    with unheard(sys.stderr):
+    with suppress_output_errors(sys.stderr):
         click.echo(escaped(sentence), err=True)
 
 

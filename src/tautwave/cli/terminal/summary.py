@@ -9,7 +9,7 @@ from pathlib import Path
 from tautwave.cli.terminal.screen import NUMBER, as_one, axes_named, folded, spanned
 from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, printable, verdict
 from tautwave.report.books import books_closed
-from tautwave.report.calm import UNCALM, worst_share
+from tautwave.report.calm import CHATTER_THRESHOLD, worst_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
 from tautwave.report.units import axis_units, count, microseconds, plural, quantity, ratio
 from tautwave.runtime.operate.journal import said_of
@@ -105,7 +105,7 @@ def _greatest(summary: Summary) -> Iterator[Sequence[str | Cell]]:
                 row.append(f"<= {quantity(max(values), unit, 3)}" if values else "-")
         shares = [found[1] for one in chosen.values() if (found := worst_share(one.fast_share))]
         text = f"<= {100.0 * max(shares):.0f} %" if shares else "-"
-        yield (*row, Cell(text, BAD) if shares and max(shares) > UNCALM else text)
+        yield (*row, Cell(text, BAD) if shares and max(shares) > CHATTER_THRESHOLD else text)
 
 
 def _judged(summary: Summary) -> Iterator[Sequence[str | Cell]]:
@@ -265,7 +265,7 @@ def _calm(pair: Pair) -> str | Cell:
     if found is None:
         return "-"
     text = f"{100.0 * found[1]:.0f} %"
-    return Cell(text, BAD) if found[1] > UNCALM else text
+    return Cell(text, BAD) if found[1] > CHATTER_THRESHOLD else text
 
 
 def _link(summary: Summary) -> Iterator[Sequence[str | Cell]]:

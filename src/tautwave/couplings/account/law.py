@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tautwave.controller.steps import Guard, Holding, Law, Steps, no_act
+from tautwave.controller.steps import Guard, Holding, Law, Steps, ignore_acted
 from tautwave.controller.wrapping import bound, record_with
 from tautwave.couplings.account import steps as own
 from tautwave.couplings.account.records import AccountEnd, AccountLink
@@ -52,7 +52,7 @@ def law_with_account(law: Law, over: str = "") -> Law:
     ConfigError
         It books by the slot, as a law with an account of its own does.
     """
-    if law.steps.act is not no_act:
+    if law.steps.on_acted is not ignore_acted:
         raise ConfigError(
             f"coupling.account: law {law.name} keeps its own accounts; remove the block"
         )
@@ -83,7 +83,7 @@ def _steps(
         "law_engage": inner.engage,
         "law_close": inner.close,
         "law_exchange": passing,
-        "law_think": inner.think,
+        "law_effort": inner.compute_effort,
         "law_brake": inner.brake,
         "law_rings": rings,
     }
@@ -101,7 +101,7 @@ def _steps(
         engage=bound(own.engage, law),
         close=bound(own.close, law),
         exchange=bound(EXCHANGES[over], law),
-        think=bound(own.think, law),
+        compute_effort=bound(own.compute_effort, law),
         brake=bound(own.brake, law),
         fill_elements=bound(fill, law),
     )

@@ -49,7 +49,7 @@ law_start = no_start
 law_engage = no_engage
 law_close = no_close
 law_exchange = no_exchange
-law_think = no_effort
+law_effort = no_effort
 law_brake = no_brake
 law_rings = 0
 law_holds = 0
@@ -239,18 +239,18 @@ def hear(s: AxisState, p: AxisParams, new: float, level: float) -> None:
     take_credit(s, p, e.counter + new, level)
 
 
-def think(s: AxisState, p: AxisParams, coast: float) -> float:
+def compute_effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return what the account lets through of the law's effort [N m or N]."""
     e = s.end.account
     k = p.end.account
-    wanted = law_think(s, p, coast)
+    wanted = law_effort(s, p, free_velocity)
     uncovered = law_whole(s, p, wanted) - wanted
     missing = level_missing(e.far_level)
-    e.smooth += k.smoothing * (coast - e.smooth)
-    wanted += missing * (k.level_damping * coast + level_friction(k, e.smooth))
+    e.smooth += k.smoothing * (free_velocity - e.smooth)
+    wanted += missing * (k.level_damping * free_velocity + level_friction(k, e.smooth))
     asked = wanted + uncovered
     half = p.site.half_mobility
-    low, high = planned_bounds(k, e.funds, coast, e.smooth, half, p.site.period)
+    low, high = planned_bounds(k, e.funds, free_velocity, e.smooth, half, p.site.period)
     if wanted < low:
         wanted = low
     elif wanted > high:

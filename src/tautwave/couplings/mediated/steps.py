@@ -168,7 +168,7 @@ def presses(e: MediatedEnd, effort: float) -> bool:
     return c.side < 0.0 or depth_in(c.below, -1.0, e.far_position) > 0.0
 
 
-def effort(s: AxisState, p: AxisParams, coast: float) -> float:
+def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort: of following, or of the model [N m or N]."""
     e = s.end
     k = p.end

@@ -22,7 +22,7 @@ def spring(q: PairParams, p1: AxisParams, p2: AxisParams) -> float:
     return stiffness
 
 
-def effort(s: AxisState, p: AxisParams, coast: float) -> float:
+def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort of spring and damper [N m or N]."""
     e = s.end
     k = p.end

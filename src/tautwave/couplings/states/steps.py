@@ -79,7 +79,7 @@ def keep(
         e.effort = s.outside
 
 
-def effort(s: AxisState, p: AxisParams, coast: float) -> float:
+def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort [N m or N]."""
     e = s.end
     k = p.end

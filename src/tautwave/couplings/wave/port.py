@@ -23,7 +23,7 @@ from tautwave.laws.wave_filter import filter_gain
 
 PORT_OVERDRAWN = OWN_GUARDS
 LIMP = OWN_GUARDS + 1
-ASTRAY = OWN_GUARDS + 2
+POSITION_DEBT = OWN_GUARDS + 2
 LIMP_NOISY = OWN_GUARDS + 3
 LIMP_COARSE = OWN_GUARDS + 4
 LIMP_PLAIN = OWN_GUARDS + 5
@@ -94,7 +94,7 @@ def start_end(s: AxisState, p: AxisParams, gap: float) -> None:
 def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
     """Take the wave of this slot; it is booked with the command that it leads to.
 
-    `tag` carries it through the axis' queue of commands, see `act`.
+    `tag` carries it through the axis' queue of commands, see `on_acted`.
     """
     e = s.end
     wave = p.end.wave * arriving
@@ -103,7 +103,7 @@ def receive_wave(s: AxisState, p: AxisParams, arriving: float) -> None:
     s.tag = wave
 
 
-def act(s: AxisState, p: AxisParams, tag: float) -> None:
+def on_acted(s: AxisState, p: AxisParams, tag: float) -> None:
     """Book the wave whose command acted in a slot.
 
     Not on arrival: with a command delay the tank would be given energy for a motion that comes
@@ -169,7 +169,11 @@ def close(
         e.wave_energy,
         e.cut_left > 0,
     )
-    if e.watched or not account >= k.empty or (gap != 0.0 and not -k.astray < gap < k.astray):
+    if (
+        e.watched
+        or not account >= k.empty
+        or (gap != 0.0 and not -k.position_debt < gap < k.position_debt)
+    ):
         if e.watch_left == 0:
             e.watch_left = k.window
             e.steady = 0
@@ -233,8 +237,8 @@ def watch_port(
     elif e.watch_left <= 0:
         judge_port(s, k)
     owed = math.fabs(gap)
-    e.watched = e.cut_left > 0 or e.watch_left > 0 or owed >= k.astray
-    if owed < k.astray:
+    e.watched = e.cut_left > 0 or e.watch_left > 0 or owed >= k.position_debt
+    if owed < k.position_debt:
         e.owing = 0
         return
     if e.owing == 0 or owed < SHRUNK * e.least_gap:
@@ -242,9 +246,9 @@ def watch_port(
         e.owing = 0
     e.owing += 1
     if e.owing > k.patience and s.alarm == 0:
-        s.alarm = ASTRAY
+        s.alarm = POSITION_DEBT
         s.found = owed / k.port.root
-        s.allowed = k.astray / k.port.root
+        s.allowed = k.position_debt / k.port.root
 
 
 def judge_port(s: AxisState, k: WaveEndParams) -> None:
@@ -254,7 +258,7 @@ def judge_port(s: AxisState, k: WaveEndParams) -> None:
     what it owes is more than the waves of a few periods, and as much as before, on average.
     """
     e = s.end
-    cut = e.cut_sum > k.limp * e.wanted_sum
+    cut = e.cut_sum > k.port_starved * e.wanted_sum
     if cut and e.cut_before:
         few = OWED_PERIODS * k.port.period
         owes = e.gap_sum * e.gap_sum > few * few * k.window * e.wanted_sum
@@ -278,7 +282,7 @@ def name_cause(s: AxisState, k: WaveEndParams) -> None:
     """Leave what most likely emptied the tank, from what is declared and from the last second."""
     e = s.end
     s.alarm = LIMP
-    s.allowed = 100.0 * k.limp
+    s.allowed = 100.0 * k.port_starved
     if k.step > k.coarse:
         s.alarm = LIMP_COARSE
         s.allowed = k.coarse
@@ -311,12 +315,12 @@ def repeat_wave(s: AxisState, p: AxisParams) -> float:
     return leaving
 
 
-def miss(s: AxisState, p: AxisParams) -> None:
+def on_missing(s: AxisState, p: AxisParams) -> None:
     """Let the last wave leave once more."""
     s.end.leaving = repeat_wave(s, p)
 
 
-def think(s: AxisState, p: AxisParams, coast: float) -> float:
+def compute_effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort of the port [N m or N].
 
     b times the predicted velocity of the acting period, less sqrt(2b) times the wave that arrived
@@ -334,7 +338,7 @@ def think(s: AxisState, p: AxisParams, coast: float) -> float:
         # A plain port believes in nothing outside, so it has to know the wall. Of the controller's
         # prediction only what is known of efforts is used: those under way and the wall's. A
         # command that acts late leaves a share of the one before in front of it.
-        under_way = s.velocity - p.site.half_mobility * s.impulse - coast
+        under_way = s.velocity - p.site.half_mobility * s.impulse - free_velocity
         pending = under_way / (2.0 * k.port.half_mobility)
         if k.late > 0.0:
             pending += k.late * s.acted_total

@@ -17,11 +17,11 @@ class WaveEndParams(NamedTuple):
     `admittance` is the law of an axis that takes velocity, which has no observer; `wave` is device
     wave per line wave: sign * sqrt(power ratio); `quantum` by which a command may be off without
     counting as cut, and `step` of the effort [N m or N]; `late` the share of a period for which the
-    command before still acts; `window` the periods of a second, `limp` the share of its waves'
-    energy that may be cut [1]; below `empty` [J] a tank could not pay for its wave; `astray` the
-    gap [W**0.5 s] that may be owed for `patience` periods without shrinking. `coarse`: the greatest
-    step of the effort that the port works with; `noisy`: third differences of the samples, squared,
-    beyond which noise takes more than the leak gives [rad**2 or m**2].
+    command before still acts; `window` the periods of a second, `port_starved` the share of its
+    waves' energy that may be cut [1]; below `empty` [J] a tank could not pay for its wave;
+    `position_debt` the gap [W**0.5 s] that may be owed for `patience` periods without shrinking.
+    `coarse`: the greatest step of the effort that the port works with; `noisy`: third differences
+    of the samples, squared, beyond which noise takes more than the leak gives [rad**2 or m**2].
     """
 
     port: PortParams
@@ -33,9 +33,9 @@ class WaveEndParams(NamedTuple):
     late: float
     delay: int
     window: int
-    limp: float
+    port_starved: float
     empty: float
-    astray: float
+    position_debt: float
     patience: int
     coarse: float = math.inf
     noisy: float = math.inf
@@ -46,18 +46,17 @@ class WaveEnd:
     """State of one end: observer, tank, waves, and its books [J].
 
     `at`, `velocity`, `push` are observed: position [rad or m], velocity, acceleration from outside;
-    `smooth` is the velocity that friction resists while the end recovers.
-    `account` is what the tank holds, `reserve` what it was filled with, 0 before. `wanted` is the
-    last requested effort and `under_way` the sum of the port's efforts that are still to act [N m
-    or N]; `cut_left` the periods for which an effort that limits cut may still act, `wanted_sum`,
-    `cut_sum`, `gap_sum` of the second that is watched, of which `watch_left` periods are left:
-    squares of the waves and what of them was not paid, and the gap; `cut_before`, `gap_before` of
-    the second before; `owing` the periods for which a large gap was not below `least_gap`;
-    `watched` whether any of these is at work, and `third_sum`, `third_count` the third differences
-    of the samples meanwhile, from the last displacements `moved`, `moved_before`. `repeats`: slots
-    without a sample in which the last wave may leave again. `wave_sum` and
-    `wave_energy` are of the waves whose commands acted since the last sample. The `rate_` fields
-    are the rate converter of a slow axis.
+    `smooth` is the velocity that friction resists while the end recovers. `account` is what the
+    tank holds, `reserve` what it was filled with, 0 before. `wanted` is the last requested effort
+    and `under_way` the sum of the port's efforts that are still to act [N m or N]; `cut_left` the
+    periods for which an effort that limits cut may still act, `wanted_sum`, `cut_sum`, `gap_sum` of
+    the second that is watched, of which `watch_left` periods are left: squares of the waves and
+    what of them was not paid, and the gap; `cut_before`, `gap_before` of the second before; `owing`
+    the periods for which a large gap was not below `least_gap`; `watched` whether any of these is
+    at work, and `third_sum`, `third_count` the third differences of the samples meanwhile, from the
+    last displacements `moved`, `moved_before`. `repeats`: slots without a sample in which the last
+    wave may leave again. `wave_sum` and `wave_energy` are of the waves whose commands acted since
+    the last sample. The `rate_` fields are the rate converter of a slow axis.
     """
 
     at: float = 0.0

@@ -9,21 +9,21 @@ from tautwave.controller.records import AxisParams, AxisState, PairParams, PairV
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Guard, Law, Steps
 from tautwave.couplings.wave.port import (
-    ASTRAY,
     LIMP,
     LIMP_COARSE,
     LIMP_NOISY,
     LIMP_PLAIN,
     PORT_OVERDRAWN,
-    act,
+    POSITION_DEBT,
     brake,
     close,
-    miss,
+    compute_effort,
     move,
+    on_acted,
+    on_missing,
     receive_wave,
     repeat_wave,
     start_end,
-    think,
     waiting_energy,
 )
 from tautwave.couplings.wave.rates import exchange_rated, exchange_waves, stored_in_converter
@@ -137,7 +137,7 @@ def fill_elements(out: Row, at: int, pair: PairView) -> int:
 def _limp(why: str) -> Guard:
     """Return a lost coupling, and what most likely took the energy."""
     lost = "its port could not cover {found:.3g} % of the energy of the last second's waves"
-    return Guard("limp", "lost its coupling", f"{lost}, {why}")
+    return Guard("port_starved", "lost its coupling", f"{lost}, {why}")
 
 
 law = Law(
@@ -145,11 +145,11 @@ law = Law(
     steps=Steps(
         start=start,
         engage=engage,
-        act=act,
+        on_acted=on_acted,
         close=close,
-        miss=miss,
+        on_missing=on_missing,
         exchange=exchange,
-        think=think,
+        compute_effort=compute_effort,
         move=move,
         brake=brake,
         fill_signals=fill_signals,
@@ -182,8 +182,8 @@ law = Law(
         LIMP_PLAIN: _limp(
             "because work in one direction empties the tank of a plain port; give it a pole"
         ),
-        ASTRAY: Guard(
-            "astray",
+        POSITION_DEBT: Guard(
+            "position_debt",
             "lost its coupling",
             "its port owes the other end a displacement of {found:.3g} that does not shrink (limit "
             "{allowed:.3g})",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from tautwave.report.books import CLOSED, books_closed
-from tautwave.report.calm import unrest
+from tautwave.report.calm import high_frequency_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
 from tautwave.report.link import link_sentences
 from tautwave.report.run.rundir import (
@@ -173,7 +173,7 @@ def _tracking(run: Run) -> Verdict:
                 f"{quantity(force.max, effort)} at most"
             )
         sentences.append(text + ".")
-        buzz = unrest(figures.fast_share, pair)
+        buzz = high_frequency_share(figures.fast_share, pair)
         if buzz:
             status = "bad"
             sentences.append(buzz)

@@ -33,18 +33,18 @@ class CarryingDriver(DriverWrapper):
 
     def open(self) -> None:
         """Open the driver, at the start or for a reset; no earlier effort acts any more."""
-        for seat in self._seats:
-            if seat is not None:
-                seat[0].drop(seat[1])
+        for axis_index in self._seats:
+            if axis_index is not None:
+                axis_index[0].drop(axis_index[1])
         super().open()
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the driver's samples, and close the loads' books with them."""
         states = self._driver.read(deadline_ns)
         slots = self._slots.passed(deadline_ns)
-        for state, seat in zip(states, self._seats, strict=False):
-            if seat is not None:
-                side, which = seat
+        for state, axis_index in zip(states, self._seats, strict=False):
+            if axis_index is not None:
+                side, which = axis_index
                 side.pass_slots(which, slots)
                 if state.valid and math.isfinite(state.position):
                     side.take(which, state.position)
@@ -53,14 +53,14 @@ class CarryingDriver(DriverWrapper):
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Add the loads to the commands; a safe command stays what it is."""
         sent = []
-        for command, seat in zip(commands, self._seats, strict=True):
-            if seat is None:
+        for command, axis_index in zip(commands, self._seats, strict=True):
+            if axis_index is None:
                 sent.append(command)
             elif command is SAFE_COMMAND:
-                seat[0].rest(seat[1])
+                axis_index[0].rest(axis_index[1])
                 sent.append(command)
             else:
-                effort = command.effort + seat[0].effort(seat[1])
+                effort = command.effort + axis_index[0].effort(axis_index[1])
                 sent.append(
                     AxisCommand(effort, command.velocity, command.position, command.damping)
                 )

@@ -22,7 +22,7 @@ def held_by(control: CoupledControl, scaled: Scaled) -> str:
             return f"{name}: its bus is slower"
         if s.depth != 0.0:
             return f"{name}: it touches its wall"
-        if p.site.lightens:
+        if p.site.compensates_inertia:
             return f"{name}: its inertia is compensated"
         why = law.hindrance(s, p, new.end, p.weight / new.weight)
         if why:

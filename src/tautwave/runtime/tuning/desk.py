@@ -27,7 +27,7 @@ def desk_bytes(count: int) -> int:
     return VALUES_AT + 8 * count
 
 
-class Desk:
+class ParameterPage:
     """The loop's end; `generation` is that of the last set it took."""
 
     def __init__(self, count: int) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
 from tautwave.contracts import Row
-from tautwave.runtime.tuning.desk import Desk
+from tautwave.runtime.tuning.desk import ParameterPage
 from tautwave.runtime.tuning.knobs import Knob
 
 RAMP_S = 0.2
@@ -40,7 +40,7 @@ class Tuning:
     def __init__(
         self,
         knobs: Sequence[Knob],
-        desk: Desk,
+        desk: ParameterPage,
         period_s: float,
         note: Callable[[float, str], None] = lambda at_s, text: None,
     ) -> None:

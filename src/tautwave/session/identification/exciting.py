@@ -59,14 +59,14 @@ class ShakenEnd:
     far_position: float = 0.0
 
 
-def pull_back(s: AxisState, p: AxisParams, coast: float) -> float:
+def pull_back(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort of the spring and of the damper to ground [N m or N]."""
     k = p.end
     far = s.end.far_position
     return coupler_effort(k.stiffness, k.damping, s.position, s.velocity, far, 0.0)
 
 
-SHAKEN = Law("excitation", Steps(think=pull_back), ShakenEnd)
+SHAKEN = Law("excitation", Steps(compute_effort=pull_back), ShakenEnd)
 
 
 class Mover(Protocol):

@@ -13,7 +13,7 @@ from tautwave.runtime.control import Control
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.operate.journal import Entry
 from tautwave.runtime.operate.operated import OperatedControl
-from tautwave.runtime.tuning.desk import Desk
+from tautwave.runtime.tuning.desk import ParameterPage
 from tautwave.runtime.tuning.source import Tuning
 
 
@@ -25,7 +25,7 @@ def tuning_of(rig: Rig, assembly: Assembly, allowed: bool) -> Iterator[Tuning | 
         return
     control: Control = assembly.control
     knobs = knobs_of(rig, control)
-    tuning = Tuning(knobs, Desk(len(knobs)), rig.period_s)
+    tuning = Tuning(knobs, ParameterPage(len(knobs)), rig.period_s)
     if isinstance(control, OperatedControl):
         tuning.note = lambda at_s, text: control.journal.note(
             Entry(at_s, "tune", "viewer", control.standing.state, text)

@@ -42,7 +42,7 @@ CONTROLLER_MODULES = (
 LINK_MODULES = (link_receiver, link_network, link_trace)
 KERNEL_MODULES = (*CONTROLLER_MODULES, *LINK_MODULES, records, device, rows, kernel, live_steps)
 INLINED = {
-    *(axis.pass_slot, axis.close_axis, axis.decide_axis, axis.think_axis, axis.think_effort),
+    *(axis.pass_slot, axis.close_axis, axis.decide_axis, axis.decide_command, axis.decide_effort),
     *(axis.pending_effort, axis.take_sample, pair.cycle_pair, run.run_cycle, run.check_sample),
     kernel.sense_device,
     *(device.pass_device, device.aim_hand, device.measure_device, device.command_device),

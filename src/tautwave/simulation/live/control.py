@@ -106,9 +106,9 @@ class CompiledControl(Control):
 
     def take(self, which: int, measured: JointState, slot: int) -> bool:
         """Take what an exchange brought of an axis; return whether it is a sample to be used."""
-        return not self.take_all(which, (measured,), slot)
+        return not self.on_samples(which, (measured,), slot)
 
-    def take_all(self, first: int, measured: Sequence[JointState], slot: int) -> Sequence[int]:
+    def on_samples(self, first: int, measured: Sequence[JointState], slot: int) -> Sequence[int]:
         """Take the samples of a bus, whose first axis is `first`; return which are unusable."""
         given, needs = self._given, self._needs_effort
         unusable = []
@@ -122,7 +122,7 @@ class CompiledControl(Control):
         self._last = which
         return unusable
 
-    def miss(self, first: int, count: int) -> None:
+    def on_missing(self, first: int, count: int) -> None:
         """Do without samples of some axes, without counting them as missing."""
         for which in range(first, first + count):
             at = INPUTS * which

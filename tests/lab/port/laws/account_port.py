@@ -120,7 +120,7 @@ def forget(s: AxisState, gap: float) -> None:
     e.lost = 0.0
 
 
-def act(s: AxisState, p: AxisParams, tag: float) -> None:
+def on_acted(s: AxisState, p: AxisParams, tag: float) -> None:
     """Book the wave whose command acted in a slot."""
     s.end.wave_sum += tag
     s.end.wave_energy += p.half_period * tag * tag
@@ -174,19 +174,19 @@ def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
     two.tag = two.end.wave_in
 
 
-def think(s: AxisState, p: AxisParams, coast: float) -> float:
+def compute_effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort of the port; none of one that owes too much."""
     e = s.end
     k = p.end
-    under_way = s.velocity - p.site.half_mobility * s.impulse - coast
-    coast = e.velocity - k.half_mobility * e.impulse - under_way
+    under_way = s.velocity - p.site.half_mobility * s.impulse - free_velocity
+    free_velocity = e.velocity - k.half_mobility * e.impulse - under_way
     debt = (k.impedance / k.gain) * (
         k.period * e.fastest * e.fastest + 2.0 * k.half_mobility * s.gross_flow
     )
     if e.account < -debt - 1e-9 * p.half_period * e.wave_in * e.wave_in:
         return 0.0
-    effort: float = (k.impedance * coast - k.root * e.wave_in) / k.divisor
-    given = -effort * (coast - k.half_mobility * effort) * k.period
+    effort: float = (k.impedance * free_velocity - k.root * e.wave_in) / k.divisor
+    given = -effort * (free_velocity - k.half_mobility * effort) * k.period
     funds = e.account + p.half_period * e.wave_in * e.wave_in
     if given > 0.0 and given > funds:
         effort = effort * max(funds, 0.0) / given
@@ -220,10 +220,10 @@ law = Law(
     name="account_port",
     steps=Steps(
         start=start,
-        act=act,
+        on_acted=on_acted,
         close=close,
         exchange=exchange,
-        think=think,
+        compute_effort=compute_effort,
         fill_signals=fill_signals,
         fill_elements=fill_elements,
     ),

@@ -68,7 +68,7 @@ def keep(
     e.effort = p.end.damping * e.velocity
 
 
-def effort(s: AxisState, p: AxisParams, coast: float) -> float:
+def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     """Return the resisting effort of spring and damper."""
     e = s.end
     push: float = p.end.stiffness * (s.position - e.far_position) + e.effort - e.far_effort

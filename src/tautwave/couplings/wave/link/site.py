@@ -9,7 +9,7 @@ from tautwave.controller.records import AxisParams, AxisState, PairView
 from tautwave.controller.steps import SiteLaw
 from tautwave.couplings.wave.link.records import LinkEnd, LinkEndParams, LinkPair, LinkParams
 from tautwave.couplings.wave.link.steps import law, pass_end, take_note
-from tautwave.couplings.wave.port import ASTRAY, LIMP, PORT_OVERDRAWN
+from tautwave.couplings.wave.port import LIMP, PORT_OVERDRAWN, POSITION_DEBT
 from tautwave.laws.counters import WAVE_QUANTUM, apart
 from tautwave.link.network import keep_sent
 from tautwave.link.packet import Line
@@ -85,7 +85,7 @@ def owed(
     return max(unsent, math.fabs(k.position * apart(newest, r.given)))
 
 
-DEBTS = frozenset((PORT_OVERDRAWN, LIMP, ASTRAY))
+DEBTS = frozenset((PORT_OVERDRAWN, LIMP, POSITION_DEBT))
 """Guards of a port that cannot repay: what a silence of either site may leave."""
 
 site_laws = {

@@ -11,7 +11,7 @@ from tautwave.laws.limit import limit_effort
 
 def resting(p: AxisParams) -> AxisParams:
     """Return the constants of an axis that no coupling holds: no wall, no compensation either."""
-    alone = p.site._replace(has_wall=False, compensates=False, lightens=False)
+    alone = p.site._replace(has_wall=False, compensates=False, compensates_inertia=False)
     return p._replace(site=alone)
 
 
