@@ -13,7 +13,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import zlib
 from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -40,10 +39,6 @@ from tests import compiling, workers
 
 # `.ci/run` sets it: it has installed every library, so a test that misses one is a hole in the net.
 LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
-
-# Which fifth of the tests marked `long` is to run: `.ci/run` takes turns; None: all of them.
-TURNS = 5
-TURN = int(os.environ["TAUTWAVE_TURN"]) % TURNS if "TAUTWAVE_TURN" in os.environ else None
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
 # speed is nobody's business. `TAUTWAVE_EXAMPLES=all` tries twice as many, also where a default test
@@ -115,38 +110,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.skip(reason="there is no interface vcan0; see .ci/vcan"))
         if item.name == "test_compiled_it_is_the_same_to_the_bit":
             item.add_marker(pytest.mark.slow)  # of the suite for authors: a compile for each law
-            item.add_marker(pytest.mark.long)
+            item.add_marker(pytest.mark.nightly)
+        if item.get_closest_marker("nightly"):
+            item.add_marker(pytest.mark.slow)
         sparse = item.get_closest_marker("sparse")
         if sparse is not None:
             function = item.nodeid.partition("[")[0]
             if seen[function] % sparse.args[0]:
                 item.add_marker(pytest.mark.slow)
             seen[function] += 1
-    if TURN is not None:
-        others = {item for item, turn in turns(items) if turn != TURN}
-        config.hook.pytest_deselected(items=list(others))
-        items[:] = [item for item in items if item not in others]
     if not ALL_EXAMPLES:
         default = [item for item in items if not item.get_closest_marker("slow")]
         try_fewer({item.function for item in default if isinstance(item, pytest.Function)})
-
-
-def turns(items: list[pytest.Item]) -> Iterator[tuple[pytest.Item, int]]:
-    """Yield every test marked `long`, and its turn.
-
-    Up to eight of a file go together, for they may share what they compile. Those of the real clock
-    share nothing, and go one by one.
-    """
-    seen: Counter[str] = Counter()
-    for item in items:
-        if item.get_closest_marker("long"):
-            file = item.nodeid.partition("::")[0]
-            if item.get_closest_marker("realtime"):
-                file = "realtime"
-                yield item, seen[file] % TURNS
-            else:
-                yield item, (zlib.crc32(file.encode()) + seen[file] // 8) % TURNS
-            seen[file] += 1
 
 
 def try_fewer(tests: set[Any]) -> None:

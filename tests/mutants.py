@@ -41,7 +41,7 @@ from tests.mutations import Mutant, mutants_of
 ROOT = Path(__file__).parents[1]
 TREES = ("src", "drivers", "sim")
 MAP = ROOT / ".mutants" / "coverage"
-MARKED = "not (hardware or vcan or long or realtime and slow)"  # of tests
+MARKED = "not (hardware or vcan or nightly or realtime and slow)"  # of tests
 QUIETLY = ("-p", "no:cacheprovider", "--timeout=600")
 EQUIVALENT = ROOT / "tests" / "mutants-equivalent.txt"
 BUDGET_S = 60.0

@@ -262,7 +262,7 @@ def test_random_exact_devices_in_certified_ports() -> None:
     assert attack(1, ports=3, devices=8) == 24
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow  # `attack(2, ports=200, devices=50)` tries 10,000 of them, for a minute
 def test_many_exact_devices_in_certified_ports() -> None:
     assert attack(2, ports=8, devices=50) == 400

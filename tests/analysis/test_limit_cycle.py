@@ -53,7 +53,7 @@ def test_prediction_agrees_with_simulation(
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @given(st.floats(0.1, 100.0), st.floats(0.05, 0.45))
 @settings(max_examples=20)
 def test_everything_but_the_frequency_grows_with_the_bias(bias: float, damping: float) -> None:

@@ -98,7 +98,7 @@ def test_a_violation_that_no_grid_sees_is_still_shown() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_example_grows_in_time_at_the_root_s_rate() -> None:
     controller = delayed_controller(5e-4)
     found = destabilising_hand(controller, TWENTY_HZ)

@@ -68,7 +68,7 @@ def random_rig(rng: np.random.Generator) -> Rig:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_hundred_random_passive_terminations_agree_with_llewellyn() -> None:
     rng = np.random.default_rng(11)
     passed = failed = 0

@@ -38,7 +38,7 @@ def test_the_pair_is_certified_with_its_wall_and_its_damper() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_follower_goes_where_the_leader_does_and_carries_itself() -> None:
     run = run_rig(load_rig(RIG), duration_s=4.0)
     engaged = run["time_s"] > 1.2

@@ -227,7 +227,7 @@ def test_wrong_payloads_are_refused(more: list[str], said: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(300)
 def test_a_payload_that_is_not_there_lifts_the_arm_by_what_the_coupling_gives_way() -> None:
     """0.2 kg hang at the tip, as believed, until people say that it holds 0.6."""
@@ -254,7 +254,7 @@ def test_a_payload_that_is_not_there_lifts_the_arm_by_what_the_coupling_gives_wa
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "moved"), [(0.3, 0.104), (0.0, math.inf)])
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_clutched_arm_keeps_its_place_under_a_wrong_payload_only_by_its_brake(
     share: float, moved: float
 ) -> None:

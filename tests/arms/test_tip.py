@@ -356,7 +356,7 @@ def test_of_a_skew_frame_every_axis_counts() -> None:
     assert home_place(task) == pytest.approx(frame @ home, rel=1e-12)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_the_compiled_controller_leads_an_arm_to_the_same_bits() -> None:
@@ -368,7 +368,7 @@ def test_the_compiled_controller_leads_an_arm_to_the_same_bits() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(300)
 def test_random_motions_through_singular_poses_stay_below_what_was_claimed() -> None:
     """`python -m tests.arms.motions --count 1000` has more of them."""

@@ -50,7 +50,7 @@ def test_without_its_weight_carried_the_follower_hangs_lower() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 def test_every_joint_follows_within_15_mrad_of_the_delayed_leader() -> None:
     rig, table = rows(9.0, [])
@@ -68,7 +68,7 @@ def test_every_joint_follows_within_15_mrad_of_the_delayed_leader() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 def test_nothing_drifts_while_the_hand_rests() -> None:
     still = [

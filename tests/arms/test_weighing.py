@@ -125,7 +125,7 @@ def test_the_load_of_one_axis_is_found_whether_a_part_is_carried_or_not(
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 def test_an_arm_is_weighed_by_its_own_servos(tmp_path: Path) -> None:
     """Encoder step and noise of the rig; belief 30 % too light, its centres 20 % too near."""

@@ -26,7 +26,7 @@ def test_goals_are_of_the_page_against_none() -> None:
     assert [goal.met for goal in goals.values()] == [False, True, False, True, True]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_stopped_and_killed_bridges_cost_no_row() -> None:
     found = viewed(turns=4, turn_s=0.5)

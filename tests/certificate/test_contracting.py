@@ -61,7 +61,7 @@ def test_a_passive_pair_is_stable_with_what_is_stated() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_advice")
-@pytest.mark.long
+@pytest.mark.nightly
 def test_more_passive_pairs_are_stable_with_what_is_stated() -> None:
     assert agree(10, 60) > 15
 

@@ -126,7 +126,7 @@ def test_each_kind_is_certified_as_it_comes(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(("kind", "count"), [("one-sided", 3), ("friction", 2)])
 def test_three_commands_lead_to_arms_that_track(
     tmp_path: Path, tautwave_cli: Cli, kind: str, count: int

@@ -55,7 +55,7 @@ OFFLINE = ("docs/gallery.md",)
     "path",
     [
         pytest.param(
-            page, marks=pytest.mark.long if _name(page) in OFFLINE else pytest.mark.realtime
+            page, marks=pytest.mark.nightly if _name(page) in OFFLINE else pytest.mark.realtime
         )
         for page in PAGES
         if any(block.note.startswith("slow") for block in blocks(page))

@@ -210,7 +210,7 @@ SLOW = (
 )  # fmt: skip
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_servo_that_loses_its_supply_in_a_run_ends_it_with_5(tmp_path: Path) -> None:
     clock = MonotonicClock()
     pair = [servo_line.Servo(number) for number in (1, 2)]

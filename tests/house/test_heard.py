@@ -1,4 +1,4 @@
-"""What the longest tests wait for is said: they take turns in CI, a change of wording does not."""
+"""What nightly tests wait for is said: a change of wording does not wait for the night."""
 
 from __future__ import annotations
 

@@ -209,7 +209,7 @@ def test_gaps_are_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_run_is_a_recording(cli: Cli, tmp_path: Path) -> None:
     path = ROOT / "configs/bench-1dof-loopback.yaml"
     run(load_rig(path), out="run", clock="fake", duration_s=4.0, allow_uncertified=True)

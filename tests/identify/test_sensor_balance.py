@@ -108,7 +108,7 @@ def test_a_simulated_sensors_fault_is_found_and_a_good_one_is_not_blamed(
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_run_says_which_key_should_be_what(tmp_path: Path) -> None:
     words = [
         "run",

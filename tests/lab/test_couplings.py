@@ -175,7 +175,7 @@ def test_the_command_prints_both_tables() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="no recordings")
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_laboratorys_gains_make_the_laboratorys_error(tmp_path: Path) -> None:
     hands = [hand for hand in recorded_hands(DATA, 3.0) if hand.name.startswith("m2_a_")]
     found = [likeness(hand, tmp_path, engine="python") for hand in hands]

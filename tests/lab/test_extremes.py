@@ -136,7 +136,7 @@ def test_energy_stays_over_many_steps() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(suite_module, "STEPS", 1000)
     monkeypatch.setattr("shutil.which", lambda *_: None)  # compiling is not what is tested

@@ -84,7 +84,7 @@ def test_the_figure_shows_every_family_and_what_is_asked_for() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(120)
 @pytest.mark.skipif(not DATA.is_dir(), reason="no recordings")
 def test_one_setting_halves_the_error_of_the_laboratory_in_free_motion_and_foam() -> None:
@@ -99,7 +99,7 @@ def test_one_setting_halves_the_error_of_the_laboratory_in_free_motion_and_foam(
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="no recordings")
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_spring_is_given_back_at_the_master_without_chatter(tmp_path: Path) -> None:
     """All that the master's tank gives is what the slave's, full of the spring's energy, sends."""
     [hand] = [it for it in recorded_hands(DATA) if it.name == "m2_a_spring"]

@@ -91,7 +91,7 @@ def test_a_loss_is_not_felt_at_all_where_null_waves_lose_position() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_compiled_it_is_the_same_to_the_bit() -> None:
     for seed in range(8):
         for law in RECEIVERS:
@@ -103,7 +103,7 @@ def test_compiled_it_is_the_same_to_the_bit() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_hundreds_of_patterns_are_passive_to_the_bit_and_the_test_can_fail() -> None:
     found = many.run_many(0, 300, jobs=1)
     for law in many.OURS:
@@ -153,7 +153,7 @@ def test_what_is_done_is_kept_and_not_done_again(
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_table_shows_what_the_page_says() -> None:
     done = CliRunner().invoke(lab, ["network", "--patterns", "100", "--hour", "--json"])
     assert done.exit_code == 0

@@ -11,7 +11,7 @@ from tautwave_scenes.networks.pruning import prune
 from tests.lab.networks import chain_network, networks
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow  # numba compiles for ten seconds
 def test_the_suite_has_its_tables_and_goals():
     pytest.importorskip("numba")

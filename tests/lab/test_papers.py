@@ -29,7 +29,7 @@ def test_every_axis_of_a_figure_is_named(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["granular", "hand", "coupling"])
 def test_every_axis_of_a_slow_figure_is_named(name: str) -> None:
     for make in chapter(name).figures.values():

@@ -240,7 +240,7 @@ def test_synthetic_hands_meet_every_contact_and_are_always_the_same() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(400)
 def test_the_whole_suite_without_recordings(tmp_path: Path) -> None:
     suite = port(quick=True, out=tmp_path).as_dict()
@@ -252,7 +252,7 @@ def test_the_whole_suite_without_recordings(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"no recordings in {DATA}")
-@pytest.mark.long
+@pytest.mark.nightly
 def test_recorded_motion_is_followed_closer_than_the_laboratory_followed(tmp_path: Path) -> None:
     hands = recorded_hands(DATA)
     moved = imposed(hands, tmp_path, lambda _: None, laws=["after"])

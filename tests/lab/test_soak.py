@@ -74,7 +74,7 @@ def test_leftovers_and_what_a_process_holds_are_counted(tmp_path: Path) -> None:
     assert (now.descriptors, now.threads) == (before.descriptors + 1, before.threads + 1)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_short_runs_leave_nothing() -> None:
     suite = soak.short(2, lambda _: None)
@@ -87,7 +87,7 @@ def test_short_runs_leave_nothing() -> None:
     }
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.realtime
 def test_a_run_under_faults_accounts_for_its_rows(monkeypatch: pytest.MonkeyPatch) -> None:

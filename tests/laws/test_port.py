@@ -362,7 +362,7 @@ def test_true_energy_is_below_the_claim_where_the_noise_is_as_declared() -> None
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_true_energy_of_a_thousand_pairs_is_below_the_claim() -> None:
     rng = np.random.default_rng(6)
     assert 0.05 < max(true_share(rng, 2.0) for _ in range(1000)) <= 1.0

@@ -34,7 +34,7 @@ def compiled(functions: tuple[Any, ...]) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-@pytest.mark.long
+@pytest.mark.nightly
 def test_coordinates_of_a_tip_are_the_same_compiled() -> None:
     law = compiled(CHAIN)["task_place"]
     options = options_of(SPATIAL, "arm")

@@ -109,7 +109,7 @@ def test_nothing_comes_back_faster(shape: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_2000_bounces_come_back_no_faster(shape: str) -> None:

@@ -27,7 +27,7 @@ def draw(rng: random.Random, count: int, size: float = 1.0) -> list[float]:
     return [rng.uniform(-size, size) for _ in range(count)]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_flows() -> None:
     rng = random.Random(1)
     linear, coefficients = compiled(linear_flow), compiled(flow_coefficients)
@@ -48,7 +48,7 @@ def test_flows() -> None:
         assert rise(*search) == first_rise(*search)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_plant() -> None:
     rng = random.Random(2)
     step, cache = compiled(plant_step), compiled(plant_cache)
@@ -78,7 +78,7 @@ def test_plant() -> None:
     assert len(modes) >= 5
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_foam() -> None:
     rng = random.Random(3)
     foam = FoamParams(5e4, 1.5, 3.0, 0.001, 1.0, 3)

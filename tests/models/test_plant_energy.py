@@ -135,7 +135,7 @@ def compiled_books() -> Callable[..., tuple[float, float]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLANTS)
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_books_close_over_a_million_steps(name: str) -> None:
     p = PLANTS[name]
     events_everywhere = name == "light and stiff"

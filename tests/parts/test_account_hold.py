@@ -169,7 +169,7 @@ def test_an_operated_rig_holds_and_says_so() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_site_whose_account_is_empty_ends_with_that_reason() -> None:
     two = Pair(
         "coupling={law: position, account: {}, pairs: {lever: {stiffness: 8, damping: 0.05}}}",

@@ -72,7 +72,7 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_it_runs_as_any_other(python: Path, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     rigs = [str(EXAMPLE / name) for name in ("fluid.yaml", "pd.yaml")]

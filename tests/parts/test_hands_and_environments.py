@@ -68,7 +68,7 @@ def test_mistakes_name_their_line(old: str, new: str, said: str, rig_file: Path)
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_hand_part_moves_compiled_as_in_python(rig_file: Path) -> None:
     pytest.importorskip("numba")
     text = rig_file.read_text()

@@ -101,7 +101,7 @@ def test_a_run_that_is_over_before_is_refused(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_replayed_run_is_its_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     quick = ("--clock", "fake", "--duration", "0.6")

@@ -69,7 +69,7 @@ def test_errors_count_only_while_the_pairs_are_coupled(operated: tuple[str, Path
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_run_that_was_never_engaged_has_no_error(tmp_path: Path) -> None:
     said, out = run(tmp_path, "0.5 hold\n")
     assert "position_error" not in json.loads((out / "summary.json").read_text())["pairs"]["lever"]

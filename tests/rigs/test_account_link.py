@@ -96,7 +96,7 @@ def test_books_close_and_simulated_is_live(law: str) -> None:
     assert books(run).gross_flow > 1e-3
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow  # each compiles for half a minute: one bare law, and the fullest in an account
 @pytest.mark.parametrize(
     ("law", "account"),

@@ -66,7 +66,7 @@ def test_every_delay_and_impedance_closes(samples: int, b: float) -> None:
     ("samples", "b"),
     [(0, 0.3), (50, 3.0), (500, 300.0)],
 )
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_minute_at_one_kilohertz_closes(samples: int, b: float) -> None:
     features = ALL if (samples + round(b)) % 2 else (WALLS, FRICTION)
     more = {"duration_s": 60.0, "loop.missing_limit": 1000}
@@ -252,7 +252,7 @@ def test_the_books_of_any_rig_close(data: Tree) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(900)  # shrinking a counterexample takes its time
 @settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(rigs(cycles=600))

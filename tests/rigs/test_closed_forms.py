@@ -221,7 +221,7 @@ def left_over(run: Run) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_minute_of_contact_leaves_no_offset_once_released() -> None:
     run = contact_and_release(0.0, 0.0, 20.0, 10)
     assert np.abs(run["true.slave.a.environment_effort"]).max() > 1.0

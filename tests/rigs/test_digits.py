@@ -69,7 +69,7 @@ def test_some_keys_take_no_number_beyond_all_measure(turn: int) -> None:
         refused(path, place, TEXTS[turn % len(TEXTS)])
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("text", TEXTS, ids=range(len(TEXTS)))
 def test_no_key_takes_a_number_beyond_all_measure(text: str) -> None:

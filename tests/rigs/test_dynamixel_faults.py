@@ -84,7 +84,7 @@ def test_random_faults_leave_the_books_closed_and_are_reproducible() -> None:
     assert not np.array_equal(run_rig(other).table, first.table)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bench-dynamixel-sim", "bench-mixed-sim"])
 def test_a_shipped_rig_runs_over_a_real_pty(name: str, tmp_path: Path) -> None:

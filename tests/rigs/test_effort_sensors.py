@@ -38,7 +38,7 @@ def test_simulations_are_the_live_run_to_the_bit(engine: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_compiled_devices_of_a_live_run_have_the_same_sensors() -> None:
     from tautwave.rig import build_rig
     from tautwave.simulation.live.devices import CompiledDevices

@@ -74,7 +74,7 @@ def effort(run: Any, pair: str, side: str = "master") -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "pair"), cases())
 def test_a_tenth_of_the_effort_limit_is_held_for_a_minute(name: str, pair: str) -> None:
     rig = held(name, pair, 0.1, 60.0)

@@ -18,7 +18,7 @@ SIDES = ("master", "slave")
 IN_ACCOUNTS = [law for law in LAWS if law.endswith("account") or law == "wave"]
 LONG = [
     pytest.mark.slow,
-    pytest.mark.long,
+    pytest.mark.nightly,
     pytest.mark.timeout(900),
     pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="numba is not installed"),
 ]

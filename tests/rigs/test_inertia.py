@@ -175,7 +175,7 @@ def test_the_hand_feels_as_much_less_as_is_stated() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_python_and_compiled_are_one_to_the_bit() -> None:
     built = load_rig(
         CONFIGS / "bench-position-coupling.yaml",

@@ -58,7 +58,7 @@ def test_books_close(divisor: int, play_out: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_books_close_whatever_the_network_is(data: st.DataObject) -> None:

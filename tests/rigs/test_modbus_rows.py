@@ -220,7 +220,7 @@ def test_three_buses_run_in_one_loop_and_their_books_close() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.realtime
 @pytest.mark.parametrize("path", [TCP, RTU, THREE], ids=lambda path: path.stem)
 def test_the_shipped_rigs_run_on_the_real_clock(path: Path, tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def test_no_rig_with_slow_buses_generates_energy(data: Tree) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(900)  # shrinking a counterexample takes its time
 @settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(slow_rigs(cycles=1500))

@@ -25,7 +25,7 @@ def apart(run: Run, joint: str) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "worst"), [("so101-pair-sim", 0.04), ("so101-hls-sim", 0.02)])
 def test_the_follower_follows_and_meets_its_wall(name: str, worst: float) -> None:
     run = run_rig(load_rig(CONFIGS / f"{name}.yaml"), duration_s=6.0)

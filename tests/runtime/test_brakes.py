@@ -122,7 +122,7 @@ def test_each_hold_begins_where_the_axis_is_then() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_minute_of_real_noise_uses_up_no_hold() -> None:
     share = "operate={hold_effort_share: 0.3}"
     truth = "simulation.axes.slave.lever.load={constant: 0.2}"

@@ -213,7 +213,7 @@ def test_every_failure_is_in_the_table_or_cannot_be() -> None:
 def in_python(group: Group) -> Any:
     """Return it as a parameter; tips and operated rigs take long."""
     slow = "tip" in group[0] or group[3] == "operated"
-    marks = [pytest.mark.slow, pytest.mark.long] if slow else [pytest.mark.slow]
+    marks = [pytest.mark.slow, pytest.mark.nightly] if slow else [pytest.mark.slow]
     return pytest.param(group, marks=marks, id=named(group))
 
 
@@ -225,7 +225,7 @@ def test_every_case_in_plain_python(group: Group) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_every_case_compiled(kernel: str) -> None:
@@ -371,7 +371,7 @@ def has_stopped(half: Half) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("group", [it for it in GROUPS if it[3] in stops.SITES], ids=named)
 def test_every_case_at_two_sites(group: Group) -> None:
     """The other site holds once it hears of it, and its axis is sent what is seen as it is."""

@@ -206,7 +206,7 @@ def test_a_filter_is_lowered_while_it_runs_and_the_books_close() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_compiled_controller_is_tuned_to_the_bit() -> None:
     pytest.importorskip("numba")
     ceiling = "slave.axes.lever.effort_limit"
@@ -307,7 +307,7 @@ def test_a_scene_has_the_ceilings_of_its_axes_and_they_act() -> None:
     assert np.all(sent[1:] <= acts[:-1] + 1e-12)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_compiled_scene_takes_the_same_ceilings() -> None:
     rig = rig_of("scene-resonator.yaml")

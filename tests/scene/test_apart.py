@@ -89,7 +89,7 @@ def commands(path: Path, out: Path) -> list[list[str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(e.name, marks=[] if e.name in FEW else [pytest.mark.long]) for e in BARE],
+    [pytest.param(e.name, marks=[] if e.name in FEW else [pytest.mark.nightly]) for e in BARE],
 )
 def test_a_rig_without_a_scene_asks_for_none_of_it(tmp_path: Path, name: str) -> None:
     """In no process of a check, a run and its report."""

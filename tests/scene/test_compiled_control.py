@@ -43,7 +43,7 @@ def rows_of(engine: str, name: str, changes: list[str], asked: int) -> tuple[Any
     return whole[:, kept], end, elements, type(built.control).__name__, result.error
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "changes", "asked", "kind"),
     [

@@ -25,7 +25,7 @@ from tautwave_scenes.rig.network import hold_claim, hold_limit, pruned_network
 from tautwave_scenes.runtime.hold import HoldAccount
 from tests.commands import tautwave
 
-LONG = pytest.mark.slow, pytest.mark.long
+LONG = pytest.mark.slow, pytest.mark.nightly
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 WALL = Path(__file__).parent / "wall.yaml"

@@ -130,7 +130,7 @@ def test_a_cycle_is_measured_with_the_loop_around_it():
 
 
 @pytest.mark.slow  # numba compiles for ten seconds and more
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="needs numba")
 def test_compiled_steps_change_no_row():
     from tests.scene.test_runs import Rows, run_rig

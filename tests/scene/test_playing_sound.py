@@ -118,7 +118,7 @@ def test_a_run_s_sound_is_one_channel_of_16_bits_as_loud_as_it_may_be(
 
 
 @pytest.mark.slow  # a report
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_run_is_played_after_its_end(tmp_path, monkeypatch):
     player = tmp_path / "paplay"
     player.write_text(f'#!/bin/sh\ncp "$1" {tmp_path}/heard.wav\n')

@@ -185,7 +185,7 @@ def test_two_axes_touch_one_scene(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_what_a_run_leaves_behind(tmp_path):
     out = tmp_path / "run"
     rig = str(CONFIGS / "scene-resonator.yaml")

@@ -198,7 +198,7 @@ def test_a_rig_and_its_sounds_can_go_anywhere(tmp_path):
         scene_forces(rig, network, 1000)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow  # two reports
 def test_a_run_keeps_its_sounds_and_can_be_run_again(tmp_path):
     """The same rows to the bit from the run's own folder, wherever it lies."""

@@ -83,7 +83,7 @@ def test_every_kind_of_link_keeps_its_books(scheme, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_ends_on_top_of_each_other_and_straight_through():
     """No direction, no pull; a point that is shot through another goes on, its energy kept."""
     links = tuple(

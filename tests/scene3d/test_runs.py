@@ -107,7 +107,7 @@ def test_simulate_gives_the_rows_of_a_run():
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_what_a_run_leaves_behind(tmp_path):
     out = tmp_path / "run"
     rig = str(CONFIGS / "scene-net.yaml")

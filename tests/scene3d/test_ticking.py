@@ -26,7 +26,7 @@ pytestmark = [
 ]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["net", "everything"])
 @pytest.mark.parametrize("scheme", SPACE_SCHEMES)
 def test_compiled_ticks_are_the_live_steps_to_the_bit(name, scheme):
@@ -74,7 +74,7 @@ def test_simulate_takes_them_and_gives_the_same_rows():
     assert np.array_equal(one.data, two.data, equal_nan=True)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_what_a_cycle_costs_is_measured_by_either_engine():
     rig = load_rig(CONFIGS / "scene-net.yaml")
     for engine in ("python", "compiled"):  # which is quicker is `bench`'s business

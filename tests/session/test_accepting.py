@@ -329,7 +329,7 @@ def judge(folder: Path, content: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(300)
 def test_a_whole_day_with_served_drives(tmp_path: Path) -> None:
     judge(tmp_path, whole_day(tmp_path, cia402(tmp_path)))

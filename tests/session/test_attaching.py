@@ -146,7 +146,7 @@ def test_identify_shakes_what_is_served_elsewhere_and_what_is_named(tmp_path: Pa
             assert len(recorded.time_s) > 20
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("link", ["tcp", "rtu"])
 def test_modbus_drives_are_found_by_themselves_and_opened_where_they_are_named(
@@ -180,7 +180,7 @@ def test_modbus_drives_are_found_by_themselves_and_opened_where_they_are_named(
         assert "unit 9" in reported.stderr
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_drives_on_a_shared_can_interface_have_one_server(run: Any) -> None:
     rig = config("bench-canopen-vcan")
@@ -202,7 +202,7 @@ def test_drives_on_a_shared_can_interface_have_one_server(run: Any) -> None:
     assert not list(directory().glob("*.json"))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "words"),

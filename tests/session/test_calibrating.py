@@ -81,7 +81,7 @@ def test_the_hand_was_not_pushed_while_it_showed(bench: Path) -> None:
     assert set(np.unique(rows["guide.step"])) == {1.0, 2.0, 3.0}
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_run_counts_from_the_zero_and_its_rig_needs_no_file_any_more(
     bench: Path, tmp_path: Path

@@ -265,7 +265,7 @@ def served(*options: str) -> Iterator[str]:
         child.communicate(timeout=60)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_two_served_arms_are_found_checked_operated_and_exported(tmp_path: Path) -> None:
     path = tmp_path / "arms.yaml"

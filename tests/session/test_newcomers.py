@@ -200,7 +200,7 @@ def test_the_tutorials_servos_are_found_in_its_words() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(400)
 def test_two_arms_of_servos(tmp_path: Path) -> None:
     friction = "{value: 0.08, lower: 0.07, source: identified}"
@@ -250,7 +250,7 @@ def own_profile(tmp_path: Path) -> Newcomer:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("walk", [two_drives, own_profile])
 def test_two_drives(walk: Callable[[Path], Newcomer], tmp_path: Path) -> None:

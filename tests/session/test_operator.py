@@ -72,7 +72,7 @@ def test_what_names_an_episode_gives_no_other_command(monkeypatch: pytest.Monkey
             session.begin_episode(name)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_program_engages_marks_clutches_and_stops(tmp_path: Path) -> None:
     with Session(bench("operate={}"), out=tmp_path / "run") as session:

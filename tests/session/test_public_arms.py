@@ -49,7 +49,7 @@ def test_one_command_writes_a_rig_of_two_arms(arm: PublicArm, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("arm", PUBLIC_ARMS, ids=NAMES)
 def test_what_new_wrote_is_certified_and_tracks(arm: PublicArm, tmp_path: Path) -> None:
     path = written(tmp_path, arm)

@@ -100,7 +100,7 @@ def test_mistakes_in_a_protocol_are_sentences_with_their_lines(tmp_path: Path) -
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_study_is_run_asked_about_interrupted_and_resumed(tmp_path: Path) -> None:
     path = study(tmp_path, STUDY.replace("repetitions: 3", "repetitions: 1"))
     out = tmp_path / "out"

@@ -18,7 +18,7 @@ from tautwave.view.watched import read_live
 from tests.commands import END_STOPS
 from tests.session.programs import COMMAND, RIG, Site
 
-pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.realtime, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.slow, pytest.mark.nightly, pytest.mark.realtime, pytest.mark.timeout(400)]
 PATIENT = ("rate_hz=200", "loop.overrun_limit=4000", *END_STOPS, "duration_s=1000",
            "link.lost_s=60", "sites.wait_s=100", "coupling.pairs.lever.wave_filter_hz=20",
            "link.silence_s=1",

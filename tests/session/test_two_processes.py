@@ -25,7 +25,7 @@ from tests.commands import END_STOPS
 from tests.session.programs import COMMAND, RIG, Site
 from tests.sites.test_datagrams import hostile
 
-pytestmark = [pytest.mark.slow, pytest.mark.long, pytest.mark.realtime, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.slow, pytest.mark.nightly, pytest.mark.realtime, pytest.mark.timeout(400)]
 PATIENT = (
     *END_STOPS,
     "loop.overrun_limit=20000",

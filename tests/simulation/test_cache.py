@@ -96,7 +96,7 @@ def test_what_is_cached_is_known_without_compiling(
     assert compiled.is_cached(motion_bounds)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_one_signature_serves_every_rig_of_a_law() -> None:
     laws = {}
@@ -120,7 +120,7 @@ def test_another_checkout_of_the_same_sources_finds_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_an_edited_model_is_compiled_again(tmp_path: Path) -> None:
     shutil.copytree(SOURCE, tmp_path / "tautwave")
     where = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}

@@ -83,7 +83,7 @@ def test_python_and_live_are_equal(kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.timeout(900)  # numba compiles for half a minute, and shares the processor
 @pytest.mark.parametrize("kind", KINDS)
 def test_compiled_is_equal(kind: str) -> None:

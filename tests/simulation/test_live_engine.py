@@ -55,7 +55,7 @@ def assert_alike(rig: Rig, duration_s: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_coloured_noise_is_the_same_noise() -> None:
     noise = {"position_noise": 1e-5, "position_noise_autocorrelation": [-0.4]}
     assert_alike(rig_of_tree(tree({"simulation.axes": {"slave.a": noise}})), 0.5)

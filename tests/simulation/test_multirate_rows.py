@@ -45,7 +45,7 @@ def slow_rigs(draw: st.DrawFn) -> Tree:
 @pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(slow_rigs())
-@pytest.mark.long
+@pytest.mark.nightly
 def test_slow_rigs_of_every_kind(data: Tree) -> None:
     rig = rig_of(data)
     live = live_run(rig)

@@ -53,7 +53,7 @@ def test_rows_stay_as_they_are(case: Case) -> None:
     "case",
     [
         # Of those compiled, which take a minute and more together, the fast rigs' are in `SMALL`.
-        pytest.param(case, marks=pytest.mark.long if case.engine == "compiled" else ())
+        pytest.param(case, marks=pytest.mark.nightly if case.engine == "compiled" else ())
         for case in cases()
         if case not in SMALL
     ],

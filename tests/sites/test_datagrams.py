@@ -84,7 +84,7 @@ def test_ten_thousand_hostile_datagrams(ends: tuple[socket.socket, socket.socket
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_million_hostile_datagrams(ends: tuple[socket.socket, socket.socket]) -> None:
     attack(*ends, 1_000_000)
 

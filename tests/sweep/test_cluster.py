@@ -223,7 +223,7 @@ def test_a_cluster_makes_the_same_bytes_and_outlives_its_workers(
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_scheduler_that_dies_ends_the_work_with_a_sentence(
     served: Serving, monkeypatch: pytest.MonkeyPatch
 ) -> None:

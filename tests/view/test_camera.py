@@ -228,7 +228,7 @@ def test_a_file_that_was_cut_off_gives_its_whole_pictures(tmp_path: Path) -> Non
     assert kept == whole[: len(kept)]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_killed_camera_costs_the_run_its_pictures_only(tmp_path: Path) -> None:
     rig = load_rig(BENCH, ["cameras={c: {driver: synthetic, width: 32, height: 16, fps: 100}}"])

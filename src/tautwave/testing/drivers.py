@@ -262,9 +262,9 @@ class DriverContract:
         ("span_ms", "count"),
         [
             (50, 2),
-            pytest.param(50, 0, marks=pytest.mark.long),
-            pytest.param(500, 4, marks=pytest.mark.long),
-            pytest.param(5000, 2, marks=pytest.mark.long),
+            pytest.param(50, 0, marks=pytest.mark.nightly),
+            pytest.param(500, 4, marks=pytest.mark.nightly),
+            pytest.param(5000, 2, marks=pytest.mark.nightly),
         ],
     )
     def test_a_device_that_forgets_in_the_middle_is_told_or_obeys(

@@ -254,7 +254,7 @@ def test_check_shows_the_arithmetic_and_a_rig_that_is_too_fast_exits_4() -> None
     assert "mapping: lean (1979 Hz), two buses (3299 Hz)" in done.stderr
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.realtime
 @pytest.mark.parametrize("clock", ["fake", "real"])

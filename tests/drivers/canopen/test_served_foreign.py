@@ -19,13 +19,13 @@ MULTICAST = pytest.mark.skipif(not multicast_works(), reason="no multicast here"
 
 
 @MULTICAST
-@pytest.mark.long
+@pytest.mark.nightly
 def test_up_fault_reset_and_down(tmp_path: Path) -> None:
     days.up_fault_reset_and_down(tmp_path, "udp_multicast", "239.74.163.221")
 
 
 @MULTICAST
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_reboot_and_a_kill(tmp_path: Path) -> None:
     days.reboot_and_kill(tmp_path, "udp_multicast", "239.74.163.222")
 

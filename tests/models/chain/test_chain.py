@@ -288,7 +288,7 @@ def test_a_load_is_the_slope_of_its_energy() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.long
+@pytest.mark.nightly
 def test_compiled_chains_give_the_bits_of_the_plain_ones() -> None:
     pytest.importorskip("numba")
     import numpy as np
