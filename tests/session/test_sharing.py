@@ -16,9 +16,11 @@ from tautwave.cli import main
 from tautwave.cli.rigs import accept as command
 from tautwave.errors import ConfigError
 from tautwave.session.acceptance import shared as module
-from tautwave.session.acceptance.document import write_sealed
+from tautwave.session.acceptance.document import FILE, verify, write_sealed
 from tautwave.session.acceptance.shared import KEEP, Shared, read_shared, shared, text_of
-from tests.session.test_accepting import accept, bench
+from tautwave.session.bus_replay import read_traffic, shared_rig
+from tests.reports.make import old_servo
+from tests.session.test_accepting import accept, bench, written
 
 HOST = socket.gethostname()
 FILE_OF_ANNA = "/home/anna/x y.eds"
@@ -133,6 +135,24 @@ def test_it_is_printed_in_full_before_it_is_written(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "--share-with: 'address' is not one of names, serial, paths, hosts" in done.output
     assert command.KEEP == KEEP
+
+
+@pytest.mark.slow
+def test_a_device_that_is_refused_in_the_first_stage_leaves_a_file(tmp_path: Path) -> None:
+    rig, target = written(tmp_path, old_servo()), tmp_path / "drives.json"
+    done = accept(rig, "identity,hand", "", "--share", str(target))
+    assert done.exit_code == 5, done.output
+    assert done.output.rstrip().endswith("update it, or run with --allow-unwatched")
+    found = read_shared(target)
+    assert (found.accepted, found.ended_at, list(found.stages)) == (False, "identity", ["identity"])
+    (check,) = found.checks
+    assert not check["good"]
+    assert "firmware 37 has no bus watchdog" in check["measured"]["said"]
+    events, rig_of = read_traffic(target)
+    bus = next(iter(rig_of["buses"]))
+    assert [one for one in events if one.bus == bus and not one.out]
+    assert shared_rig(rig_of).buses.keys() == {bus}
+    assert verify(tmp_path / "out" / FILE).wrong == []
 
 
 @pytest.mark.slow

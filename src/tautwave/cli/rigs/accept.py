@@ -97,11 +97,11 @@ def accept(
     rest, the watchdog by unplugging the cable. With effort: a light pull in your hand, small
     motions both ways against all signs, delay by a step, effort with a spring scale, then the
     coupled rig at a tenth of its effort and at full effort. The first failed stage ends it with
-    exit code 6. acceptance.json holds every result, sealed by the SHA-256 of every recording and of
-    itself; --keys signs it, and with --verify shows who signed. Real devices that passed identity
-    and motion are kept in RIG.accepted.json beside RIG, and compared in every run. --share writes
-    one file that may be handed on, after it was printed in full: no names, hosts, users, paths or
-    serial numbers.
+    exit code 6, a device refused in the first stage with 5. acceptance.json holds every result,
+    sealed by the SHA-256 of every recording and of itself; --keys signs it, and with --verify
+    shows who signed. Real devices that passed identity and motion are kept in RIG.accepted.json
+    beside RIG, and compared in every run. --share writes one file that may be handed on, after
+    it was printed in full: no names, hosts, users, paths or serial numbers.
 
     \b
     Examples:
@@ -147,7 +147,7 @@ def accept(
     directory = fresh_directory(out, f"accept-{loaded.name}")
     ways = Ways(clock, simulate, attach, allow_unwatched, configure)
     try:
-        path, checks = lead(asked, conversation(script), out=directory, ways=ways)
+        path, checks, refused = lead(asked, conversation(script), out=directory, ways=ways)
     finally:
         with suppress(OSError):
             directory.rmdir()  # removes it only if it is empty
@@ -157,6 +157,8 @@ def accept(
     how = "sealed" if keys is None else f"signed with the key of site {site}"
     ended = "accepted" if good == len(checks) else "NOT accepted"
     click.echo(f"{path}: {good} of {len(checks)} passed, {ended} by {by}, {how}")
+    if refused is not None:
+        raise refused
     ctx.exit(0 if good == len(checks) else 6)
 
 

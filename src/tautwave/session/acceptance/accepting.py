@@ -9,9 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tautwave.config import Rig, load_rig
+from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.errors import ConfigError, DriverError, SafetyStop
-from tautwave.files import write_text
+from tautwave.files import make_directory, write_text
 from tautwave.reading import digest_of
 from tautwave.rig import bus_ways, real_buses
 from tautwave.rig.ways import Way
@@ -60,15 +60,21 @@ class Acceptance(NamedTuple):
     machine: Mapping[str, Any] = {}
 
 
-def accept(
-    asked: Acceptance, talk: Conversation, *, out: Path, ways: Ways
-) -> tuple[Path, list[Check]]:
-    """Lead a person through the stages; return the sealed document and its checks.
+class Accepted(NamedTuple):
+    """The sealed document, its checks, and the error of a device refused in the first stage."""
+
+    document: Path
+    checks: list[Check]
+    refused: DriverError | SafetyStop | None
+
+
+def accept(asked: Acceptance, talk: Conversation, *, out: Path, ways: Ways) -> Accepted:
+    """Lead a person through the stages and seal what was found.
 
     Raises
     ------
     TautwaveError
-        The rig is refused, a device fails before anything was found, or nobody answers.
+        The rig is refused, no device could be asked anything, or nobody answers.
     """
     rig = load_rig(asked.rig)
     unknown = [name for name in asked.axes if name not in rig.axes]
@@ -82,6 +88,7 @@ def accept(
     said: dict[str, Mapping[str, str]] = {}
     notes: dict[str, list[str]] = {}
     ended = ""
+    refused: DriverError | SafetyStop | None = None
     for stage in asked.stages:
         talk.say(f"-- {stage}: {SEEN[stage]}")
         try:
@@ -89,7 +96,12 @@ def accept(
                 found = list(_stage(stage, rig, asked, talk, out / stage, ways, said, notes))
         except (DriverError, SafetyStop) as err:
             if not checks:
-                raise
+                if not traffic.events:
+                    raise
+                refused = err
+                make_directory(out / stage)
+                if not (out / stage / "rig.yaml").exists():
+                    write_text(out / stage / "rig.yaml", resolved_yaml(rig))
             found = [Check(stage, rig.name, {"said": str(err)}, "no fault and no stop", False)]
         _keep_traffic(out / stage, traffic)
         for check in found:
@@ -127,7 +139,7 @@ def accept(
     if devices and not ended and set(NEEDED) <= set(asked.stages):
         kept = keep_accepted(asked.rig, devices, asked.by, document)
         talk.say(f"{kept}: what a run on these devices compares")
-    return document, checks
+    return Accepted(document, checks, refused)
 
 
 def _buses(rig: Rig, ways: Ways) -> dict[str, dict[str, Any]]:

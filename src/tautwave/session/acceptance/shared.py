@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.config.guard import parse_json
 from tautwave.config.text.yaml12 import parse_yaml
-from tautwave.errors import ConfigError
+from tautwave.errors import ConfigError, RecordingError
 from tautwave.files import write_text
 from tautwave.reading import read_file
 from tautwave.recordings.recording import read_recording
@@ -171,8 +171,8 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
         if "serial" in key and len(text) > 2
     }  # fmt: skip
     cleaner = _Cleaner(rig, serials, keep)
-    recorded = [one for one in folders if (one / "recording.mcap").is_file()]
-    stages = {one.name: {**_rows(one, cleaner), **_traffic(one, cleaner)} for one in recorded}
+    found = {one.name: {**_rows(one, cleaner), **_traffic(one, cleaner)} for one in folders}
+    stages = {name: one for name, one in found.items() if one}
     return Shared(
         version=content["version"],
         day=content["sealed_utc"][:10],
@@ -202,8 +202,13 @@ def _rig(folder: Path) -> dict[str, Any]:
 
 
 def _rows(folder: Path, cleaner: _Cleaner) -> dict[str, Any]:
-    """Return the times of a stage's loop, and its last rows, thinned."""
-    recording = read_recording(folder / "recording.mcap")
+    """Return the times of a stage's loop, and its last rows, thinned; {} of one without rows."""
+    if not (folder / "recording.mcap").is_file():
+        return {}
+    try:
+        recording = read_recording(folder / "recording.mcap")
+    except RecordingError:  # its device was refused before the first row; verified before
+        return {}
     times = {}
     for name in recording.columns:
         if name in TIMES or name.endswith(TIMES[-1]):
