@@ -7,7 +7,13 @@ from collections.abc import Iterator, Sequence
 from tautwave.contracts import AxisFacts, AxisSpec, BusSpec
 from tautwave.errors import ConfigError
 from tautwave_drivers.canopen.axis import Axis
-from tautwave_drivers.canopen.files.belonging import Use, check_files, identity_of, two_identities
+from tautwave_drivers.canopen.files.belonging import (
+    KIND,
+    Use,
+    check_files,
+    identity_of,
+    two_identities,
+)
 from tautwave_drivers.canopen.files.foreseen import unmappable, unwatched
 from tautwave_drivers.canopen.files.reading import DeviceFile, read_device_file
 from tautwave_drivers.canopen.mapping import mappings_of
@@ -87,6 +93,7 @@ def of_file(
     for wanted in mappings_of(axis.causality, node)[:1]:
         yield from unmappable(file, (*wanted.rpdo.entries, *wanted.tpdo.entries))
     yield from two_identities(file)
+    yield from file.unreadable((*KIND, *ENTRIES))
     for one, sentence in _meaning(file, axis, node, rate_hz, options):
         if not _set_by(file, one):
             yield (f"a run refuses the drive while it holds the default of its EDS: {sentence}")

@@ -12,7 +12,7 @@ from tautwave.errors import ConfigError
 from tautwave.types import FoundBus, FoundDevice, Hexadecimal, Setting, Survey
 from tautwave_drivers.assumed import assumed_axis
 from tautwave_drivers.can.places import can_places
-from tautwave_drivers.canopen.files.belonging import identity_of, why_refused
+from tautwave_drivers.canopen.files.belonging import KIND, identity_of, why_refused
 from tautwave_drivers.canopen.files.reading import DeviceFile, read_device_file
 from tautwave_drivers.canopen.foresight import of_file
 from tautwave_drivers.canopen.mapping import mappings_of
@@ -52,9 +52,12 @@ def _describe(path: Path, ids: Sequence[int]) -> FoundBus:
     Raises
     ------
     ConfigError
-        It is not an EDS or DCF file, or describes no drive that takes torque.
+        It is not an EDS or DCF file, describes no drive that takes torque, or has a default that
+        a rig needs and that is no integer.
     """
     file = read_device_file(str(path))
+    if problems := file.unreadable((*KIND, *MOTOR.values())):
+        raise ConfigError(problems)
     row: dict[str, Any] = {
         **identity_of(file),
         **{column: file.number(entry) for column, entry in MOTOR.items()},

@@ -128,6 +128,50 @@ def test_a_default_that_states_nothing_is_a_guess_to_be_settled(
     assert [note.split(" ")[0] for note in notes] == guessed
 
 
+UNREADABLE = [
+    ("6076", "0,32", "a decimal comma"),
+    ("6076", "1.6e2", "not a number"),
+    ("608Fsub1", "4k", "not a number"),
+    ("6080", "3.000", "not a number"),
+    ("6502", "CST", "not a number"),
+    ("1018sub2", "1,5", "a decimal comma"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "why"), UNREADABLE)
+def test_a_default_that_a_new_rig_needs_is_refused_with_its_line(
+    tmp_path: Path, name: str, text: str, why: str
+) -> None:
+    path = eds(tmp_path / "a.eds", **{f"x{name}": text})
+    line = path.read_text().splitlines().index(f"DefaultValue={text}") + 1
+    at = f"{name[:4]}:{int(name[7:] or '0'):02X}"
+    with pytest.raises(ConfigError) as said:
+        described(path)
+    (problem,) = said.value.problems
+    assert problem.startswith(
+        f"{path}:{line}: {at} Object {name} has the default {text!r}: {why}; "
+    )
+    for remedy in ("", "0x20"):  # blank, or corrected
+        path.write_text(path.read_text().replace(f"DefaultValue={text}", f"DefaultValue={remedy}"))
+        assert described(path).devices
+        text = remedy or text
+
+
+@pytest.mark.parametrize("text", ["0,32", "1.6e2"])
+def test_a_default_that_nobody_needs_is_noted_with_its_line(tmp_path: Path, text: str) -> None:
+    path = eds(tmp_path / "a.eds", x6065=text, x6066="$NODEID+5", x6067="", x6068="; none")
+    line = path.read_text().splitlines().index(f"DefaultValue={text}") + 1
+    (note,) = [note for note in described(path).notes if "counts as not stated" in note]
+    assert note.startswith(f"{path}: line {line}: 6065:00 Object 6065 has the default {text!r}: ")
+    assert "6066" not in note
+    assert not foreseen_of(path)
+
+
+def test_check_names_a_default_that_it_cannot_compare(tmp_path: Path) -> None:
+    (said,) = foreseen_of(eds(tmp_path / "a.eds", x6076="0,32"))
+    assert "6076:00 Object 6076 has the default '0,32': a decimal comma; correct it" in said
+
+
 def fixed(path: Path, access: str, **words: tuple[int, ...]) -> Path:
     """A file whose PDOs have these mappings, with an access."""
     sections = "".join(

@@ -14,6 +14,7 @@ from tautwave_drivers.canopen.files.reading import DeviceFile, Setting, read_dev
 from tautwave_drivers.canopen.files.values import integer
 from tautwave_drivers.canopen.mapping import Mapping as PdoMapping
 from tautwave_drivers.cia402 import communication as c
+from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.entry import Entry
 
 IDENTITY = {
@@ -22,6 +23,8 @@ IDENTITY = {
     "revision": (c.REVISION, "revisionnumber"),
 }
 """What a file says of its device: an object, and the field of [DeviceInfo] where that is empty."""
+KIND = (c.DEVICE_TYPE, o.SUPPORTED_MODES, *(entry for entry, _ in IDENTITY.values()))
+"""What a file says of the kind of drive."""
 
 
 def identity_of(file: DeviceFile) -> dict[str, int]:

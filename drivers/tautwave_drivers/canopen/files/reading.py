@@ -9,7 +9,7 @@ value that it cannot read.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,9 +21,12 @@ from tautwave_drivers.canopen.files.values import (
     SIGNED,
     TEXTS,
     TYPES,
+    UNSIGNED,
     UnreadableError,
+    bare,
     encode,
     integer,
+    number,
 )
 from tautwave_drivers.cia402.entry import Entry
 from tautwave_drivers.cia402.objects import find
@@ -33,6 +36,7 @@ LARGEST = 4 * 1024 * 1024
 MAX_OBJECTS = 20_000
 MAX_SUBS = 254
 
+_INTEGERS = frozenset({*SIGNED, *UNSIGNED})
 _SINGLE = (2, 7)
 """Object types DOMAIN and VAR."""
 _LINE_END = re.compile(r"\r\n|\r|\n")
@@ -88,6 +92,7 @@ class FileObject:
     default: str | None
     value: Text | None
     mappable: bool | None
+    default_line: int = 0
 
     @property
     def address(self) -> str:
@@ -98,6 +103,16 @@ class FileObject:
     def writable(self) -> bool:
         """Whether it can be written, as far as the file says: AccessType may be missing or odd."""
         return self.access not in ("ro", "const")
+
+    def unreadable_default(self) -> str:
+        """Return why the default is no integer, '' where it is one, or blank."""
+        if self.default is None or not bare(self.default):
+            return ""
+        try:
+            number(self.default, 1)  # of any node
+        except UnreadableError as err:
+            return f"{self.address} {self.name} has the default {self.default[:40]!r}: {err}"
+        return ""
 
 
 class Setting(NamedTuple):
@@ -142,6 +157,16 @@ class DeviceFile(NamedTuple):
         if value is not None and bits and 1 << (bits - 1) <= value < 1 << bits:
             value -= 1 << bits  # two's complement in hexadecimal
         return value
+
+    def unreadable(self, entries: Iterable[Entry]) -> list[str]:
+        """Return a sentence with its line for each of these objects whose default is no integer."""
+        found = [self.objects.get((entry.index, entry.sub)) for entry in entries]
+        return [
+            f"{self.path}:{one.default_line}: {reason}; correct it, or leave it blank if it is "
+            "not known"
+            for one in found
+            if one is not None and (reason := one.unreadable_default())
+        ]
 
     def settings(self, node_id: int) -> Iterator[Setting | str]:
         """Yield the parameter values of objects that can be written; a sentence for a wrong one."""
@@ -212,6 +237,14 @@ def _read(path: str, mtime_ns: int, size: int) -> DeviceFile:
             f"{path}:{stated.line}: NodeID is {stated.text[:40]!r}, no node id (1 to 127): whose "
             "file this is was not compared"
         )
+    odd = [
+        f"line {one.default_line}: {reason}"
+        for one in objects.values()
+        if one.kind in _INTEGERS and (reason := one.unreadable_default())
+    ]
+    if odd:
+        more = f" and {len(odd) - 3} more" if len(odd) > 3 else ""
+        remarks.append(f"{path}: {', '.join(odd[:3])}{more}: counts as not stated")
     return DeviceFile(path, objects, info, node_id, tuple(remarks))
 
 
@@ -317,7 +350,9 @@ def _objects(
 
 def as_default(one: FileObject) -> FileObject:
     """Return an object whose value is its default."""
-    return replace(one, default=one.value.text if one.value else one.default, value=None)
+    if one.value is None:
+        return one
+    return replace(one, default=one.value.text, default_line=one.value.line, value=None)
 
 
 def _members(
@@ -405,4 +440,5 @@ def _object(
         section.get("defaultvalue"),
         listed or section.fields.get("parametervalue"),
         None if (mapped := integer(section.get("pdomapping"))) is None else bool(mapped),
+        section.fields["defaultvalue"].line if "defaultvalue" in section.fields else 0,
     )
