@@ -49,6 +49,7 @@ def make(name: str, folder: Path) -> Path:
     """Walk with a rig on the fake clock, and write its file."""
     data, stages, answers, options = WALKS[name]
     target = folder / f"{name}.json"
+    target.unlink(missing_ok=True)
     with tempfile.TemporaryDirectory() as text:
         work = Path(text)
         (work / "rig.yaml").write_text(yaml.safe_dump(data))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -61,6 +62,8 @@ def test_a_report_names_nobody(path: Path) -> None:
     found = read_shared(path)
     assert set(found.left_out) == set(KEEP)
     assert not found.by
+    sent = [line for one in found.stages.values() for line in one.get("traffic", ())]
+    assert not re.search(r"#43181004(?!0{8})", "\n".join(sent))
     if path.stem.startswith("simulated-"):
         assert found.simulated
 

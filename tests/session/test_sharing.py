@@ -17,7 +17,7 @@ from tautwave.cli.rigs import accept as command
 from tautwave.errors import ConfigError
 from tautwave.session.acceptance import shared as module
 from tautwave.session.acceptance.document import FILE, verify, write_sealed
-from tautwave.session.acceptance.shared import KEEP, Shared, read_shared, shared, text_of
+from tautwave.session.acceptance.shared import KEEP, SERIAL, Shared, read_shared, shared, text_of
 from tautwave.session.bus_replay import read_traffic, shared_rig
 from tests.reports.make import old_servo
 from tests.session.test_accepting import accept, bench, written
@@ -135,6 +135,69 @@ def test_it_is_printed_in_full_before_it_is_written(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "--share-with: 'address' is not one of names, serial, paths, hosts" in done.output
     assert command.KEEP == KEEP
+
+
+NUMBER, TOLD = 987654321, "0x3ADE68B1"
+"""One serial number, as a rig and as a drive writes it."""
+
+
+@pytest.mark.parametrize(
+    ("value", "left"),
+    [
+        ({"identity": {"serial": NUMBER}}, {"identity": {"serial": SERIAL}}),
+        ({"serial_number": "A-1"}, {"serial_number": SERIAL}),
+        ({"serials": [1, 2.0]}, {"serials": [SERIAL, SERIAL]}),
+        ({"serial": None, "has_serial": True}, {"serial": None, "has_serial": True}),
+        (
+            {"said": "1018:04 serial number is 0x12, but the rig expects 0x3; check"},
+            {"said": f"1018:04 serial number is {SERIAL}, but the rig expects {SERIAL}; check"},
+        ),
+        ({"said": f"drive {NUMBER}, {TOLD}"}, {"said": f"drive {SERIAL}, {SERIAL}"}),
+        ({"said": "serial ports found: none"}, {"said": "serial ports found: none"}),
+    ],
+)
+def test_a_serial_number_is_left_out_however_it_is_written(
+    value: dict[str, Any], left: dict[str, Any]
+) -> None:
+    known = set(module._serials({"serial": NUMBER}))
+    assert module._Cleaner({}, known, []).tree(value) == left
+    assert module._Cleaner({}, known, ["serial"]).tree(value) == value
+
+
+@pytest.mark.parametrize(
+    ("lines", "left"),
+    [
+        (["> 601#4018100400000000", "< 581#43181004B168DE3A"], [0, "< 581#4318100400000000"]),
+        (["< 581#4318100100000012"], [0]),
+        (["< 181#43181004B168DE3A"], [0]),
+        (
+            ["< 581#4118100404000000", "> 601#6000000000000000", "< 581#07B168DE3A000000",
+             "< 581#0712345678000000"],
+            [0, 1, "< 581#0700000000000000", 3],
+        ),
+        (
+            ["> 7FF#0100330F00000000", "< 011#0100330FB168DE3A", "< 011#0100550FB168DE3A"],
+            [0, "< 011#0100330F00000000", 2],
+        ),
+        (["< 011#0100330FB168DE3A"], [0]),  # nobody asked: a position
+        (["> FFFFFD0043181004B168DE3A"], [0]),
+    ],
+)  # fmt: skip
+def test_a_serial_number_in_traffic_is_zero(lines: list[str], left: list[int | str]) -> None:
+    lines = [f"0.1 can {one}" for one in lines]
+    wanted = [lines[one] if isinstance(one, int) else f"0.1 can {one}" for one in left]
+    assert module._Cleaner({}, set(), []).lines(lines) == wanted
+    assert module._Cleaner({}, set(), ["serial"]).lines(lines) == lines
+
+
+def test_a_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:
+    path, target = made(tmp_path), tmp_path / "thesis.txt"
+    target.write_text("mine")
+    for rig in (path, tmp_path / "none.yaml"):
+        done = CliRunner().invoke(main, ["accept", str(rig), "--share", str(target)])
+        assert done.exit_code == 2
+        assert f"{target} already exists and is not overwritten" in done.output
+    assert target.read_text() == "mine"
 
 
 @pytest.mark.slow

@@ -125,6 +125,10 @@ def accept(
     unknown = [word for word in keep if word not in KEEP]
     if unknown:
         raise ConfigError(f"accept: --share-with: {unknown[0]!r} is not one of {', '.join(KEEP)}")
+    if share is not None and share.exists():
+        raise ConfigError(
+            f"accept: {share} already exists and is not overwritten; give --share another file name"
+        )
     if share is not None and rig.suffix == ".json":
         _share(rig, share, keep)
         return

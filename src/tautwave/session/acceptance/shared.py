@@ -12,7 +12,7 @@ import json
 import math
 import re
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -91,9 +91,11 @@ class _Cleaner:
 
     def text(self, text: str) -> str:
         """Return a text without what is left out."""
-        for serial in self._serials:
-            if "serial" not in self._keep:
+        if "serial" not in self._keep:
+            for serial in self._serials:
                 text = re.sub(rf"(?<![\w.]){re.escape(serial)}(?![\w.])", SERIAL, text)
+            text = _SERIAL_SAID.sub(rf"\1{SERIAL}", text)
+            text = _SERIAL_EXPECTED.sub(rf"\1{SERIAL}", text)
         if "hosts" not in self._keep:
             text = re.sub(r"(\w+://)[^/\s:]+", rf"\1{HOST}", text)
             text = re.sub(r"(?<![\d.])(?:\d{1,3}\.){3}\d{1,3}(?![\d.])", HOST, text)
@@ -117,20 +119,79 @@ class _Cleaner:
             return self._buses.get(value, value)
         if isinstance(value, list | tuple):
             return [self.tree(one, key) for one in value]
+        if "serial" in key and "serial" not in self._keep and not isinstance(value, bool | None):
+            return SERIAL
         if isinstance(value, str):
-            return SERIAL if "serial" in key and "serial" not in self._keep else self.text(value)
+            return self.text(value)
         if isinstance(value, float) and not math.isfinite(value):
             return None
         return value
 
-    def line(self, line: str) -> str:
-        """Return a line of traffic with its bus numbered; its bytes stay as they are."""
-        at, bus, *rest = line.split()
-        return " ".join([at, self._buses.get(bus, bus), *rest])
+    def lines(self, lines: Sequence[str]) -> list[str]:
+        """Return lines of traffic with their buses numbered and serial numbers zero."""
+        found, zeroed = [], _Zeroed()
+        for line in lines:
+            at, bus, *rest = line.split()
+            if "serial" not in self._keep and len(rest) == 2:
+                rest[1] = zeroed.frame(bus, *rest)
+            found.append(" ".join([at, self._buses.get(bus, bus), *rest]))
+        return found
 
     def key(self, key: str) -> str:
         """Return a key, or a column's name, with the names in it numbered."""
         return ".".join(self.words.get(part, part) for part in key.split("."))
+
+
+class _Zeroed:
+    """Traffic of CAN buses with the answers that hold a serial number set to zero.
+
+    They are uploads of 1018:04 (CiA 301: expedited, or in segments) and, of MIT motors, answers to
+    a reading of register 15.
+    """
+
+    def __init__(self) -> None:
+        self._register: dict[str, str] = {}
+        self._segments: set[tuple[str, str]] = set()
+
+    def frame(self, bus: str, way: str, what: str) -> str:
+        """Return a frame, or bytes, as the line of traffic has it."""
+        head, mark, data = what.partition("#")
+        if not mark or len(data) != 16:
+            return what
+        sdo = head[0] in "56" and len(head) == 3 and data[2:8] == "181004"
+        if way == ">" and head == "7FF":
+            self._register[bus] = data[:8]
+        if (bus, head) in self._segments and way == "<" and int(data[:2], 16) >> 5 == 0:
+            if int(data[:2], 16) & 1:  # the last one
+                self._segments.discard((bus, head))
+            return f"{head}#{data[:2]}{'0' * 14}"
+        if sdo and way == "<" and data[:2] in ("40", "41"):
+            self._segments.add((bus, head))
+            return what
+        if sdo or (data[4:8] == "330F" and self._register.get(bus) == data[:8]):
+            return f"{head}#{data[:8]}{'0' * 8}"
+        return what
+
+
+_SERIAL_SAID = re.compile(r"(?i)(\bserial(?: number)?(?: is|:|=)? *)(?:0x[0-9a-f]+|[\w-]*\d[\w-]*)")
+_SERIAL_EXPECTED = re.compile(r"(?i)(\bserial number\b[^;\n]*? expects )[\w-]+")
+
+
+def _serials(value: Any, key: str = "") -> Iterator[str]:
+    """Yield the serial numbers in a tree, as text and, of numbers, in both ways to write them."""
+    if isinstance(value, Mapping):
+        for name, one in value.items():
+            yield from _serials(one, str(name))
+    elif isinstance(value, list | tuple):
+        for one in value:
+            yield from _serials(one, key)
+    elif "serial" in key and isinstance(value, str | int) and not isinstance(value, bool):
+        yield str(value)
+        try:
+            number = int(str(value), 0)
+        except ValueError:
+            return
+        yield from (str(number), f"0x{number:X}", f"0x{number:x}", f"0x{number:08X}")
 
 
 def _user() -> str:
@@ -166,10 +227,8 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
     folders = [path.parent / stage for stage in content["stages"]]
     rig = next((_rig(one) for one in folders if (one / "rig.yaml").is_file()), {})
     devices = content["devices"]
-    serials = {
-        text for said in devices.values() for key, text in said.items()
-        if "serial" in key and len(text) > 2
-    }  # fmt: skip
+    known = [*_serials(devices), *_serials(rig), *_serials(content["checks"])]
+    serials = {text for text in known if len(text) > 2}
     cleaner = _Cleaner(rig, serials, keep)
     found = {one.name: {**_rows(one, cleaner), **_traffic(one, cleaner)} for one in folders}
     stages = {name: one for name, one in found.items() if one}
@@ -235,7 +294,7 @@ def _traffic(folder: Path, cleaner: _Cleaner) -> dict[str, list[str]]:
         return {}
     lines = read_file(folder / TRAFFIC, LARGEST).decode().splitlines()
     kept = lines if len(lines) <= 2 * MAX_LINES else [*lines[:MAX_LINES], *lines[-MAX_LINES:]]
-    return {"traffic": [cleaner.line(one) for one in kept]}
+    return {"traffic": cleaner.lines(kept)}
 
 
 def _short(value: float) -> float | None:
