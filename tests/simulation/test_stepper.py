@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tautwave import ConfigError, SafetyStop, Stepper, load_rig, simulate
+from tautwave import ConfigError, Rig, SafetyStop, Stepper, load_rig, simulate
 from tautwave.rig.truth import axis_model
 from tautwave_sim.axis import make_physics
 
@@ -100,6 +100,27 @@ def test_leaving_early_leaves_no_effort() -> None:
 def test_what_cannot_be_outside_is_refused(outside: list[str], rig: str, part: str) -> None:
     with pytest.raises(ConfigError, match=part):
         Stepper(load_rig(CONFIGS / f"{rig}.yaml"), outside=outside)
+
+
+def test_an_axis_with_a_damper_in_its_motor_is_not_outside() -> None:
+    """What its motor does between two steps, no effort of a step has."""
+    one, other = (
+        f"{{id: {at}, feedback_id: {0x10 + at}, p_max: 12.5, v_max: 30.0, t_max: 10.0"
+        for at in (1, 2)
+    )
+    damper = ", damping: 0.1, velocity_filter_hz: 500"
+
+    def rig(more: str) -> Rig:
+        motors = f"buses.can.options.motors=[{one}}}, {other}, direction: -1{more}}}]"
+        return load_rig(CONFIGS / "bench-mit-virtual.yaml", [motors])
+
+    for more in (damper, f"{damper}, damped: at_wall"):
+        with pytest.raises(ConfigError, match="remove damping from the options of bus 'can'"):
+            Stepper(rig(more), outside="slave")
+    for more, outside in (("", "slave"), (damper, "master")):
+        with Stepper(rig(more), outside=outside, duration_s=0.01) as stepper:
+            while stepper.running:
+                stepper.step(dict.fromkeys(stepper.outside, 0.0))
 
 
 NONE = r"slave\.lever: one finite number of rad or m"

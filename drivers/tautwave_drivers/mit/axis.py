@@ -11,7 +11,7 @@ from tautwave.types import JointState
 from tautwave_drivers.causes import Cause
 from tautwave_drivers.mit import damiao
 from tautwave_drivers.mit.damper import DamperBooks
-from tautwave_drivers.mit.options import Motor, Scale, scale_of
+from tautwave_drivers.mit.options import Motor, Scale, damper_of, scale_of
 
 NAN = math.nan
 _NEW = tuple.__new__
@@ -64,10 +64,12 @@ class Axis:
         self.spec = spec
         self.motor = motor
         self.damper: DamperBooks | None = None
-        if motor.damping_code:
+        damper = damper_of(motor)
+        if damper is not None:
             scale = scale_of(motor)
-            damping = motor.damping_code * damiao.DAMPING_STEP
-            self.damper = DamperBooks(damping, (scale.position, scale.torque), period)
+            self.damper = DamperBooks(
+                damper.damping, damper.filter_s, (scale.position, scale.torque), period
+            )
         self._nibble = motor.id & 0xF
         self.rescale(scale_of(motor))
         self.reset()
@@ -171,8 +173,8 @@ class Axis:
         """Take this cycle's sample, or that there is none, into the books of the damper."""
         if self.damper is None:
             return
-        if self.fresh and self._acting == self._acting:  # NaN: it was not damped
-            self.damper.take(self.position, self.torque - self._acting)
+        if self.fresh:
+            self.damper.take(self.position, self.torque - self._acting)  # NaN: it was not damped
         else:
             self.damper.miss()
 

@@ -7,7 +7,7 @@ from typing import Any, Self, SupportsFloat
 
 import numpy as np
 
-from tautwave.config import Rig
+from tautwave.config import Rig, axis_damper
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop, LoopResult
@@ -27,7 +27,8 @@ class Stepper:
     rig : Rig
         A checked rig with a `simulation` block.
     outside : str or sequence of str
-        Axes, such as `slave.lever`, or sides, `slave`; impedance axes on simulated buses.
+        Axes, such as `slave.lever`, or sides, `slave`; impedance axes on simulated buses, without a
+        damper in the motor.
     clock : str
         `fake`: a call takes as long as it takes. `real`: it waits for the next period, for example
         with a real master in a user's hand.
@@ -215,6 +216,14 @@ def _chosen(rig: Rig, outside: Sequence[str], simulated: Sequence[str]) -> tuple
             raise ConfigError(
                 f"outside: {name} is on bus {bus}, which is served every {rig.buses[bus].divisor} "
                 "cycles; an axis outside is served every cycle (divisor: 1)"
+            )
+        if axis_damper(rig, name) is not None:
+            # At a call only motion that is over is known: a damper of that is a period late, which
+            # is not the one that the certificate counts on.
+            raise ConfigError(
+                f"outside: {name} has a damper in its motor, which acts between two steps, so no "
+                f"effort of a step has it; remove damping from the options of bus {bus!r}, or "
+                "leave the axis to the rig's simulation"
             )
         if name not in simulated:
             raise ConfigError(f"outside: the bus of {name} is real, not simulated here")

@@ -152,17 +152,87 @@ def test_a_motor_in_fault_gets_no_damper() -> None:
     rig.driver.close()
 
 
+STEPS = (1e-6, 1e-3)
+"""Of position and torque; the first is fine, for bounds that can be compared."""
+
+
+def filtered(
+    hz: float, filter_hz: float, steps: tuple[float, float] = STEPS, share: float = 1.0
+) -> tuple[DamperBooks, float, bool]:
+    """Swing a damper of 0.1 N m s/rad for a second [1 rad/s at `hz`], then stand still.
+
+    Its velocity is behind a low-pass of `filter_hz`, and its torque is a `share` of what it ought
+    to be. Return its books, what it took, and whether they found that it lacks.
+    """
+    tau, fine, w = 1.0 / (math.tau * filter_hz), 20, math.tau * hz
+    books, place, y, taken = DamperBooks(0.1, tau, steps, 1e-3), 0.0, 0.0, 0.0
+    lacks = False
+    for at in range(2000 * fine):
+        if at % fine == 0:
+            books.take(math.floor(place / steps[0] + 0.5) * steps[0], -share * 0.1 * y)
+            lacks = lacks or (at > 0 and at % (500 * fine) == 0 and books.lacks())
+        h = 1e-3 / fine
+        v = math.sin(w * (at + 0.5) * h) if at < 1000 * fine else 0.0
+        before = y
+        y = v + (y - v) * math.exp(-h / tau)
+        taken += share * 0.1 * (v * v * h + (before - y) * tau * v)  # y over h, exactly
+        place += v * h
+    return books, taken, lacks
+
+
+@pytest.mark.parametrize("filter_hz", [10.0, 30.0, 500.0])
+@pytest.mark.parametrize("hz", [2.0, 10.0, 25.0, 50.0])
+def test_a_healthy_damper_takes_the_least_whatever_its_filter(hz: float, filter_hz: float) -> None:
+    books, taken, lacks = filtered(hz, filter_hz)
+    assert not lacks
+    assert books.least <= taken
+    assert books.absorbed == pytest.approx(taken, rel=0.1)
+    if hz <= 10.0:
+        assert books.least > 0.9 * taken
+
+
+def test_a_slow_filter_lowers_the_least() -> None:
+    """To 1 / (1 + (10/30)^2) and 1 / (1 + (10/500)^2), the real part of a low-pass."""
+    slow, quick = (filtered(10.0, filter_hz)[0].least for filter_hz in (30.0, 500.0))
+    assert slow / quick == pytest.approx(0.9, abs=0.02)
+
+
+@pytest.mark.parametrize("filter_hz", [30.0, 500.0])
+def test_one_that_gives_a_fifth_lacks(filter_hz: float) -> None:
+    assert filtered(5.0, filter_hz, share=0.2)[2]
+
+
+def test_a_position_that_flickers_by_a_step_is_no_motion() -> None:
+    books = DamperBooks(5.0, 1.0 / (math.tau * 500.0), (4e-4, 1e-6), 1e-3)
+    books.take(0.0, 0.0)
+    for _ in range(50):  # a way is of 8 periods, and ends with a step
+        for at in range(8):
+            books.take(4e-4 if at == 7 else 0.0, 0.0)
+        assert books.least <= 0.0
+        assert not books.lacks()
+
+
 def test_books_without_a_sample_count_nothing_over_the_gap() -> None:
-    books = DamperBooks(0.5, (1e-4, 1e-3), 1e-3)
+    books = DamperBooks(0.5, 1e-5, (1e-4, 1e-3), 1e-3)
     for at in range(9):
         books.take(1e-3 * at, -0.5)
+    least = books.least
     assert books.absorbed == pytest.approx(0.5 * 8e-3)
-    assert books.least == pytest.approx(0.5 * 7.9e-3**2 / 8e-3)
+    assert least == pytest.approx(0.5 * 7.9e-3**2 / 8e-3, rel=0.01)
     books.miss()
     for _ in range(9):
         books.take(1.0, -0.5)
-    assert books.least == pytest.approx(0.5 * 7.9e-3**2 / 8e-3)
+    assert books.least <= least
     assert not books.lacks()
+
+
+def test_a_filter_follows_while_it_does_not_damp() -> None:
+    """Where it begins to damp in motion the filter is full: what is in it comes back."""
+    books = DamperBooks(0.1, 5e-3, STEPS, 1e-3)
+    for at in range(101):
+        books.take(5e-3 * at, math.nan if at < 60 else -0.5)
+    assert books.absorbed == pytest.approx(0.5 * 0.2, rel=1e-9)
+    assert books.least == pytest.approx(0.5 * 0.2, rel=0.01)
 
 
 def test_a_spec_without_velocity_limit_has_no_torque_to_spare() -> None:
