@@ -65,7 +65,7 @@ def test_the_same_run_with_every_sample_is_exit_code_0(
     assert found["passed"]
     assert found["given_j"] <= found["floor_j"]
     assert summary["warnings"] == []
-    assert "certificate passive conditional Timing" in " ".join(done.stdout.split())
+    assert "certificate passive: conditional energy books closed" in " ".join(done.stdout.split())
 
 
 @pytest.mark.slow

@@ -358,7 +358,10 @@ def test_a_long_recording_read_by_columns_gives_the_same_page(
     make_run(tmp_path / reported.name, columns=columns)
     monkeypatch.setattr("tautwave.report.run.rundir.WHOLE_CELLS", 0)
     page = write_report(tmp_path / reported.name)
-    assert page.read_text() == (reported / "report.html").read_text()
+    texts = [
+        one.read_text().replace(str(one.parent), "DIR") for one in (page, reported / page.name)
+    ]
+    assert texts[0] == texts[1]
 
 
 @pytest.mark.slow

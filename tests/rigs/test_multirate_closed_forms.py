@@ -18,6 +18,7 @@ from tautwave.report.run.verdicts import verdicts
 from tautwave.rig import Assembly, command_delays, one_way_delay
 from tautwave.rig.controller import end_constants
 from tautwave.session import check
+from tautwave.summary import summary_of
 from tautwave.sweep.predict import pair_mode
 from tests.rigs.closing import assert_passive, impedance, line, slow
 from tests.rigs.running import Tree, books, pair_of, rig_of, run_rig, tree, unfiltered
@@ -247,7 +248,7 @@ def test_check_and_report_say_what_the_slow_bus_costs(tmp_path: Path) -> None:
     for part in ("20 ms (6)", "0.8582 N m/rad at the master (1.848)", "1.333 N m/rad (40)"):
         assert part in cost
     certificate = {**found.certificate, "elements": {element["name"]: element}}
-    run = Run(tmp_path, {}, "", {"certificate": certificate})
+    run = Run(tmp_path, {}, "", summary_of({"certificate": certificate})[0])
     [verdict] = [reported for reported in verdicts(run) if reported.topic == "Certificate"]
     assert cost in verdict.sentences
 

@@ -24,7 +24,7 @@ def resident_mb(pid: int | str) -> float:
 
 def main(pieces: int) -> None:
     """Print the memory after each tenth of the pieces."""
-    cluster.AHEAD = 32  # pieces of no length: many on the way, so that few wait
+    cluster.MAX_QUEUED_PER_WORKER = 32  # pieces of no length: many on the way, so that few wait
     with tempfile.TemporaryDirectory() as folder:
         serving = Serving(Path(folder), workers=1)
         try:

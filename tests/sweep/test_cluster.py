@@ -21,7 +21,7 @@ from tautwave.errors import ConfigError, LinkError
 from tautwave.sweep import cluster as module
 from tautwave.sweep.cluster import Cluster, about, work
 from tautwave.sweep.file import SweepPlan, load_sweep
-from tautwave.sweep.pool import AHEAD, Piece, Worker, in_process
+from tautwave.sweep.pool import MAX_QUEUED_PER_WORKER, Piece, Worker, in_process
 from tautwave.sweep.runs import run_sweep
 from tests.sweep.serving import Serving
 from tests.sweep.test_sweep import GOOD
@@ -115,7 +115,9 @@ def test_a_long_sweep_holds_a_window_of_pieces(monkeypatch: pytest.MonkeyPatch) 
     cluster, client = told(monkeypatch, cycle([5, 3, 1]))  # workers go, and come again
     results = list(cluster(times_ten, ((k, k + 1) for k in range(5000))))
     assert sorted(results) == list(range(0, 50_000, 10))
-    assert client.most <= 2 * AHEAD * 5  # those that are waited for, and those just taken
+    assert (
+        client.most <= 2 * MAX_QUEUED_PER_WORKER * 5
+    )  # those that are waited for, and those just taken
     assert not client.alive
 
 
@@ -217,7 +219,7 @@ def test_a_cluster_makes_the_same_bytes_and_outlives_its_workers(
     assert sorted(cluster(functools.partial(die_once, mark), pieces)) == list(range(20))
     assert mark.exists()
     held = cluster._client  # what distributed itself keeps of pieces that are done
-    assert len(held.futures) <= AHEAD * 2
+    assert len(held.futures) <= MAX_QUEUED_PER_WORKER * 2
     assert held.scheduler_comm.recent_message_log.maxlen == module.KEPT
     cluster.close()
 

@@ -21,7 +21,7 @@ from tautwave.errors import RecordingError
 from tautwave.sweep import file as sweep_file_module
 from tautwave.sweep.file import MEASURES, load_sweep
 from tautwave.sweep.measure import BOOKS, PREDICTED, measure_run
-from tautwave.sweep.pool import AHEAD, Piece, ProcessPool, Worker, in_process
+from tautwave.sweep.pool import MAX_QUEUED_PER_WORKER, Piece, ProcessPool, Worker, in_process
 from tautwave.sweep.rows import Simulator, sweep_engine, takes_rows
 from tautwave.sweep.runs import run_sweep, table_header
 from tautwave.sweep.table import SweepTable, line_of
@@ -158,7 +158,7 @@ def test_pieces_are_drawn_as_they_are_needed() -> None:
 
     work = ProcessPool(1)(_echo, pieces())
     first = next(work)
-    assert drawn <= AHEAD + 1
+    assert drawn <= MAX_QUEUED_PER_WORKER + 1
     assert sorted([first, *work]) == [(at, at + 1) for at in range(50)]
     assert list(in_process(_echo, [(0, 1)])) == [(0, 1)]
 
