@@ -87,13 +87,18 @@ class Commands(click.Group):
         return [name for name in COMMANDS if name != "bench" or _has_bench()]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the commands of a day's work, then the others."""
+        """Write the commands of a day's work, then the others; a group of its own has one list."""
         known = self.list_commands(ctx)
-        for heading, names in (("Daily", DAILY), ("More", MORE)):
-            found = [(name, self.get_command(ctx, name)) for name in names if name in known]
+        grouped = (("Daily", DAILY), ("More", MORE), ("Commands", known))
+        shown: set[str] = set()
+        for heading, names in grouped:
+            fresh = [name for name in names if name in known and name not in shown]
+            shown.update(fresh)
+            found = [(name, self.get_command(ctx, name)) for name in fresh]
             rows = [(name, one.get_short_help_str(60)) for name, one in found if one is not None]
-            with formatter.section(heading):
-                formatter.write_dl(rows)
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module; None if there is no such command."""
