@@ -195,6 +195,8 @@ def test_a_run_that_was_stopped_says_so_on_stderr(tautwave_cli: Cli, backend: Ba
     result = tautwave_cli("run", "rig.yaml")
     assert result.stdout.startswith("bench / 1dof: safety stop, 2000 cycles")
     assert "the report could not be written: no font." in result.stdout
+    assert "has all files" not in result.stdout
+    assert "has what could be written; --verbose" in result.stdout
     assert "The recording is incomplete: disk full." in result.stdout
     reported = (
         "slave.wrist left its position range at 1.2 s; the recording is incomplete: disk full"

@@ -137,6 +137,63 @@ def test_it_is_printed_in_full_before_it_is_written(tmp_path: Path) -> None:
     assert command.KEEP == KEEP
 
 
+@pytest.mark.parametrize(
+    ("text", "left"),
+    [
+        ("from lab-pc.uni-bonn.de:502", "from <host>:502"),
+        ("no answer of lab-pc:502", "no answer of <host>:502"),
+        ("it is lab.acme.com, not here", "it is <host>, not here"),
+        ("tcp://user:pw@host:502/x", "tcp://<host>:502/x"),
+        ("tcp://joe:p@ss@host", "tcp://<host>"),
+        ("tcp://[fe80::1%eth0]:502", "tcp://<host>:502"),
+        ("at fe80::1:2 and 2001:db8:0:1:2:3:4:5", "at <host> and <host>"),
+        ("at ::ffff:10.0.0.7, down", "at <host>, down"),
+        ("MAC 00:1A:2b:3C:4D:5E, 00-1A-2B-3C-4D-5E", "MAC <host>, <host>"),
+        ("ask joe.b@acme.de", "ask <host>"),
+        ("at 10.0.0.7:502.", "at <host>:502."),
+        ("/dev/serial/by-id/usb-FTDI_USB-RS422_FT4N-if00-port0 is gone", "<path>"),
+        ("usb-FTDI_USB_FT4N-if00", "usb-FTDI_USB_<serial>-if00"),
+        ("/home/joe/a (old) 'x', #2/b c.eds: bad", "<path>: bad"),
+        ("'/home/joe/it, (b)#c' is bad", "'<path>' is bad"),
+        ("read (/opt/acme/x.eds)", "read (<path>)"),
+        ("~joe/x.eds and C:\\Users\\joe (b)\\x", "<path> and <path>"),
+        ("drives-of-joe.eds:12: no such", "<path>:12: no such"),
+        ("in joe/files/p,2.yaml, line 3", "in <path>, line 3"),
+    ],
+)
+def test_what_names_a_person_or_a_place_is_left_out_of_text(text: str, left: str) -> None:
+    assert module._Cleaner({}, set(), []).text(text) == left
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "607C:00=0 6091:01=1 A000:01 is 12, 1.78 N m/A, 12.0 V, 25 degC, +-20 %",
+        "master.axis1 (node 1): modes PP, 0x0250: 1/2 and/or 3 / 4; 12:30:01",
+        "Linux-6.18.44-fc-v669-x86_64-with-glibc2.36",
+        "torque constant is the stall slope (docs/en/dxl/x/xm430-w350)",
+        "master.axis1 (bus bus1, servo 1): current limit(38) 3.209 A (read)",
+    ],
+)
+def test_what_names_nobody_stays(text: str) -> None:
+    assert module._Cleaner({}, set(), []).text(text) == text
+
+
+def test_values_of_keys_that_may_name_somebody_are_left_out() -> None:
+    rig = {
+        "inertia": {"value": 1.0, "source": "weighed by Joe at Acme Bonn"},
+        "damping": {"value": 1.0, "source": "identified"},
+        "options": {"endpoint": "labpc", "eds": "drive of joe (2).eds"},
+        "other": {"endpoint": "sim", "channel": "can0"},
+    }
+    left = module._Cleaner({}, set(), []).tree(rig)
+    assert left["inertia"]["source"] == "<source>"
+    assert left["damping"] == rig["damping"]
+    assert left["options"] == {"endpoint": "<host>", "eds": "<path>"}
+    assert left["other"] == rig["other"]
+    assert module._Cleaner({}, set(), KEEP).tree(rig) == rig
+
+
 NUMBER, TOLD = 987654321, "0x3ADE68B1"
 """One serial number, as a rig and as a drive writes it."""
 

@@ -180,7 +180,9 @@ def _page(summary: Summary, directory: Path, drawing: bool) -> Iterator[Sequence
     files = list(_files(summary, directory, drawing))
     if files:
         yield files[0]
-        yield (Cell(f"{directory} has all files; --verbose shows all numbers.", FAINT),)
+        lost = summary.report_error or summary.incomplete
+        has = "what could be written" if lost else "all files"
+        yield (Cell(f"{directory} has {has}; --verbose shows all numbers.", FAINT),)
 
 
 def _files(summary: Summary, directory: Path, drawing: bool) -> Iterator[Sequence[str | Cell]]:

@@ -2,12 +2,13 @@
 
 `tautwave accept --share FILE` makes it of a kept acceptance alone, so that it can be made again.
 Nothing is sent anywhere. Names of rig, buses, axes and pairs are numbered; host, user, addresses,
-paths and serial numbers are left out, unless asked for.
+paths, serial numbers and free texts of `source` are left out, unless asked for.
 """
 
 from __future__ import annotations
 
 import getpass
+import ipaddress
 import json
 import math
 import re
@@ -35,7 +36,11 @@ MAX_LINES = 1000
 """Of the traffic of each stage, from its beginning and before its end."""
 ENDINGS = (".position", ".velocity", ".command", ".total", ".effort")
 TIMES = ("lateness_us", "compute_us", ".answer_us")
-SERIAL, PATH, HOST = "<serial>", "<path>", "<host>"
+SERIAL, PATH, HOST, SOURCE = "<serial>", "<path>", "<host>", "<source>"
+SOURCES = frozenset({"given", "identified", "estimated", "data sheet", "weighed", "measured"})
+"""Where a parameter is from, in words that name nobody; any other text may."""
+HOSTS = ("endpoint", "host", "peer")
+"""Keys whose values are hosts, with or without a dot or a port."""
 
 
 class Shared(BaseModel):
@@ -97,10 +102,16 @@ class _Cleaner:
             text = _SERIAL_SAID.sub(rf"\1{SERIAL}", text)
             text = _SERIAL_EXPECTED.sub(rf"\1{SERIAL}", text)
         if "hosts" not in self._keep:
-            text = re.sub(r"(\w+://)[^/\s:]+", rf"\1{HOST}", text)
-            text = re.sub(r"(?<![\d.])(?:\d{1,3}\.){3}\d{1,3}(?![\d.])", HOST, text)
+            text = _URL.sub(rf"\1{HOST}", text)
+            text = _IPV6.sub(_address, text)
+            for pattern in (_MAIL, _MAC, _IPV4, _DOMAIN):
+                text = pattern.sub(HOST, text)
+            text = _PORT.sub(rf"{HOST}\1", text)
         if "paths" not in self._keep:
-            text = re.sub(r"(?<![\w/>.])(?:~|\.{1,2})?(?:/[\w.@+ -]*[\w.@+-])+", PATH, text)
+            for pattern in (_QUOTED, _PATH, _WINDOWS, _FILE):
+                text = pattern.sub(PATH, text)
+        if "serial" not in self._keep:
+            text = _ADAPTER.sub(rf"\1{SERIAL}", text)
         for word in self._private:
             text = re.sub(rf"\b{re.escape(word)}\b", HOST, text)
         for name, word in self._buses.items():  # `can` and `arm` are words elsewhere
@@ -122,10 +133,20 @@ class _Cleaner:
         if "serial" in key and "serial" not in self._keep and not isinstance(value, bool | None):
             return SERIAL
         if isinstance(value, str):
-            return self.text(value)
+            return self._value(value, key)
         if isinstance(value, float) and not math.isfinite(value):
             return None
         return value
+
+    def _value(self, text: str, key: str) -> str:
+        """Return a text that is the value of a key, which says more than the text alone."""
+        if key == "source" and "names" not in self._keep and text not in SOURCES:
+            return SOURCE
+        if "paths" not in self._keep and _NAMED.fullmatch(text):
+            return PATH
+        cleaned = self.text(text)
+        bare = key in HOSTS and cleaned == text and text != "sim" and not text.startswith("/")
+        return HOST if bare and "hosts" not in self._keep else cleaned
 
     def lines(self, lines: Sequence[str]) -> list[str]:
         """Return lines of traffic with their buses numbered and serial numbers zero."""
@@ -173,6 +194,46 @@ class _Zeroed:
         return what
 
 
+def _address(found: re.Match[str]) -> str:
+    """Return <host> for an address of IPv6; `607C:00` is none."""
+    try:
+        ipaddress.IPv6Address(found[0].partition("%")[0])
+    except ValueError:
+        return found[0]
+    return HOST
+
+
+_URL = re.compile(r"(\w+://)(?:[^\s@'\"]*@)?(?:\[[^\]\s]*\]|[^/\s:'\",;)\]}]+)")
+_IPV6 = re.compile(r"(?<![\w:.])(?=[0-9A-Fa-f:]*[0-9A-Fa-f])[0-9A-Fa-f]*:[0-9A-Fa-f:.]*"
+                   r"[0-9A-Fa-f:](?:%\w+)?(?!\w)")  # fmt: skip
+_IPV4 = re.compile(r"(?<![\d.])(?:\d{1,3}\.){3}\d{1,3}(?![\d.]*\d)")
+_MAIL = re.compile(r"[\w.+-]+@[\w-]+(?:\.[\w-]+)*")
+_MAC = re.compile(r"(?<![\w:-])[0-9A-Fa-f]{2}(?:([:-])[0-9A-Fa-f]{2})(?:\1[0-9A-Fa-f]{2}){4}(?!\w)")
+_DOMAIN = re.compile(
+    r"(?i)(?<![\w./<-])(?:[\w-]+\.)+(?:local|localdomain|lan|home|internal|intranet|corp|com|org|net"
+    r"|edu|gov|de|ch|at|fr|uk|eu|nl|se|dk|pl|cz|es|jp|cn|kr|ca|au)(?![\w-]|\.\w)"
+)
+_PORT = re.compile(
+    r"(?<![\w.:/<-])(?![0-9A-F]{4}:\d\d\b)(?=[\w.-]*[A-Za-z])\w[\w-]*(?:\.[\w-]+)*"
+    r"(:\d{2,5})(?![\w:])"
+)
+_START = r"(?:~\w*|\.{1,2})?/(?=[^\s/])"
+_QUOTED = re.compile(rf"(?<=')(?:{_START}[^'\n]*)(?=')|(?<=\")(?:{_START}[^\"\n]*)(?=\")")
+_SUFFIX = (
+    r"\.(?:eds|dcf|xdd|xdc|ya?ml|json|csv|mcap|urdf|xacro|xml|stl|obj|dae|txt|log|np[yz]|toml|pem"
+    r"|key|crt|ini|cfg|wav|gif|png|html|md|pdf|py|zip|msh|vt[ku]|bin|bag|xlsx?|docx?)(?![\w])"
+)
+_PATH = re.compile(
+    rf"(?<![\w/>.]){_START}(?:[^:;\"\n]*{_SUFFIX}|(?:[^:;\"\n/]*/)*[^\s:;\"]+(?: [\w.@+-]+)*)",
+    re.IGNORECASE,
+)
+"""To the suffix of a file, else to the end of the clause: any sign may be in it."""
+_WINDOWS = re.compile(r"(?<!\w)(?:[A-Za-z]:[\\/]|\\\\)[^:;\"\n]+")
+_FILE = re.compile(rf"(?<![\w<>])[\w@+.~-][\w./@+~()',#-]*{_SUFFIX}", re.IGNORECASE)
+_NAMED = re.compile(rf"[^:;\"\n]+{_SUFFIX}", re.IGNORECASE)
+"""A value that is the name of a file as a whole, blanks and all."""
+_ADAPTER = re.compile(r"(\busb-[^\s/]*_)[^\s/_<]+?(?=-if\d|-port\d|$|\s)")
+"""Of /dev/serial/by-id: usb-MAKER_PRODUCT_SERIAL-if00-port0."""
 _SERIAL_SAID = re.compile(r"(?i)(\bserial(?: number)?(?: is|:|=)? *)(?:0x[0-9a-f]+|[\w-]*\d[\w-]*)")
 _SERIAL_EXPECTED = re.compile(r"(?i)(\bserial number\b[^;\n]*? expects )[\w-]+")
 
@@ -245,7 +306,8 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
         buses=cleaner.tree(content["buses"], "buses"),
         devices=cleaner.tree(devices),
         checks=[
-            {**one, "what": cleaner.text(one["what"]), "measured": cleaner.tree(one["measured"])}
+            {**one, "what": cleaner.text(one["what"]),
+             "expected": cleaner.text(one["expected"]), "measured": cleaner.tree(one["measured"])}
             for one in content["checks"]
         ],
         notes={stage: [cleaner.text(note) for note in notes]
