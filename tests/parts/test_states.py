@@ -216,9 +216,8 @@ def test_of_a_law_that_reads_sensors_nothing_is_known_by_tuning() -> None:
     observed = four_channels("observed", *damped, account="null", rejection=0.0)
     assert not reads_sensors(observed, "lever", command_delays(observed))
     assert not certify(rig).verdicts["passive"].passed
-    plain = load_rig(
-        BENCH, ["coupling={law: position, pairs: {lever: {stiffness: 20, damping: 0.1}}}", *damped]
-    )
+    spring = "{law: position, engage_ramp_s: 0.02, pairs: {lever: {stiffness: 20, damping: 0.1}}}"
+    plain = load_rig(BENCH, [f"coupling={spring}", *damped])
     assert certify(plain).verdicts["passive"].passed
 
 

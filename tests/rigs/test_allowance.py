@@ -40,6 +40,7 @@ PENDULUM = [
     *both("effort_limit=300"), *both("velocity_limit=5"),
     "coupling.pairs.lever.stiffness=58", "coupling.pairs.lever.damping=0", "require=passive",
     "loop.overrun_limit=10",  # else a stall gives more than any condition covers
+    "coupling.engage_ramp_s=0.02",  # else an engagement does
     "simulation.axes={}",
 ]  # fmt: skip
 

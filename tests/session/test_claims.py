@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from typing import Any
 
 import pytest
 
+from tautwave import Stepper
 from tautwave.config import Rig, load_rig
 from tautwave.rig import command_delays
 from tautwave.session import check
 from tautwave.session.claims import claims_of
 from tests.certificate.rigs import CONFIGS
 
+SIDES = ("master", "slave")
 NUMBERS = {"claim_j", "prompt_j", "stall_j", "let_go_j", "dead_j", "kinetic_j", "gap_s", "ratio"}
 RIGS = sorted(path.stem for path in CONFIGS.glob("*.yaml"))
 
@@ -56,6 +60,93 @@ def test_a_certified_law_gives_nothing_while_its_host_is_prompt() -> None:
     assert limited["prompt_j"] > 0.0  # what its engagement may supply
     assert limited["stall_j"] >= limited["let_go_j"] > 0.0
     assert limited["judged"] in ("passed", "conditional")
+
+
+def damped(ramp_s: float, stiffness: float, *changes: str) -> Rig:
+    """A position coupling that its devices' damping carries up to 15 rad/s and 5 N m/rad."""
+    keys = [f"{side}.axes.lever.{key}" for side in ("master", "slave") for key in DAMPED]
+    keys += [*LIMITS, "require=passive", "loop.missing_limit=1", "loop.overrun_limit=2"]
+    keys += [f"coupling.engage_ramp_s={ramp_s}", f"coupling.pairs.lever.stiffness={stiffness}"]
+    keys += [f"simulation.axes.{side}.lever.damping=0.02" for side in SIDES]
+    keys += ["coupling.pairs.lever.damping=0", *changes]
+    return load_rig(CONFIGS / "bench-position-coupling.yaml", keys)
+
+
+DAMPED = (
+    "damping={value: 0.02, lower: 0.02, source: identified}",
+    "effort_limit=1",
+    "effort_rate_limit=6000",
+)
+
+JUDGED = {(0.02, 1.2): "passed", (0.2, 0.3): "conditional", (0.2, 1.2): "conditional"}
+
+
+@pytest.mark.parametrize(("ramp_s", "stiffness"), JUDGED)
+def test_what_an_engagement_may_supply_is_judged_as_of_other_laws(
+    ramp_s: float, stiffness: float
+) -> None:
+    """Up to twice the kinetic energy without a condition, up to ten times it with one in words."""
+    found = check(damped(ramp_s, stiffness))
+    assert found.exit_code == 0
+    said = str(found.certificate)
+    for one in found.as_dict()["claims"].values():
+        assert one["judged"] == JUDGED[ramp_s, stiffness]
+        assert (one["prompt_j"] > 2.0 * one["kinetic_j"]) is (one["judged"] == "conditional")
+        assert one["prompt_j"] <= 10.0 * one["kinetic_j"]
+    assert ("in one engagement, " in said) is (JUDGED[ramp_s, stiffness] == "conditional")
+
+
+def test_an_engagement_that_may_supply_too_much_is_refused_with_a_ramp_that_does() -> None:
+    found = check(damped(2.0, 5.0))
+    assert found.exit_code == 3
+    assert "may supply 1.93 J at once while the host is prompt, 11 times" in found.failures[0]
+    [ramp] = re.findall(r"engage_ramp_s of (\S+) s or less would do", found.failures[0])
+    assert check(damped(float(ramp), 5.0), brief=True).exit_code == 0
+    assert check(damped(1.5 * float(ramp), 5.0), brief=True).exit_code == 3
+
+
+def test_an_end_is_judged_by_its_own_share_of_an_engagement() -> None:
+    """With force_scale 4 the slave gives four times what the master does."""
+    claims = stated(damped(0.2, 0.1, "coupling.pairs.lever.force_scale=4"))
+    assert claims["slave.lever"]["prompt_j"] == pytest.approx(
+        4.0 * claims["master.lever"]["prompt_j"]
+    )
+    assert [claims[f"{side}.lever"]["judged"] for side in SIDES] == ["passed", "conditional"]
+
+
+@pytest.mark.parametrize("width", [0.1, 0.5])
+def test_ranges_bound_how_far_ends_are_moved_as_they_engage(width: float) -> None:
+    """Both go from one end to the other, and on for a period and the 3 ms that a command takes."""
+    ranges = [f"{side}.axes.lever.position_range=[-{width}, {width}]" for side in SIDES]
+    quiet = ["simulation.hand={}", "simulation.environment={}"]
+    found = stated(damped(2.0, 0.1, *ranges, *quiet))["master.lever"]
+    [late] = {delay.periods for delay in command_delays(damped(2.0, 0.1)).values()}
+    stretch = 2.0 * (2.0 * width + 15.0 * 1e-3 * (1 + late))
+    assert found["prompt_j"] == pytest.approx(0.5 * 0.1 * stretch**2)
+
+
+def test_no_engagement_supplies_more_than_is_stated_and_a_rough_one_comes_near() -> None:
+    """From end to end as the coupling fades in, and back when it has all of its effort."""
+    rig = damped(1.0, 1.2, "simulation.hand={}", "simulation.environment={}")
+    period, reach = rig.period_s, 0.48
+    out, back = round(0.25 / period), round(1.5 / period)
+    shape = [-reach + 2.0 * reach * smooth(k / out) for k in range(out)]
+    shape += [reach] * round(0.8 / period)
+    shape += [reach - 2.0 * reach * smooth(k / back) for k in range(back + 1)]
+    given = 0.0
+    with Stepper(rig, outside=SIDES, duration_s=(len(shape) + 5) * period) as run:
+        for here, there in itertools.pairwise(shape):
+            efforts = run.step({"master.lever": here, "slave.lever": -here})
+            step = there - here
+            given += (efforts["master.lever"] - efforts["slave.lever"]) * step
+            given -= 2.0 * 0.02 * step * step / period
+    most = stated(rig)["master.lever"]["prompt_j"]
+    assert 0.6 * most < given <= most
+
+
+def smooth(part: float) -> float:
+    """Minimum jerk from 0 to 1."""
+    return part**3 * (10.0 - 15.0 * part + 6.0 * part * part)
 
 
 def test_one_that_is_not_certified_says_what_its_certificate_says() -> None:

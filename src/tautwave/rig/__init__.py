@@ -37,7 +37,7 @@ from tautwave.rig.rates import (
     one_way_delay,
     standing_offset,
 )
-from tautwave.rig.scales import PairScale, pair_scale, slave_offset
+from tautwave.rig.scales import PairScale, end_energy, pair_scale, slave_offset
 from tautwave.rig.truth import (
     SEED_WORD,
     axis_integration,
@@ -96,6 +96,7 @@ __all__ = [
     "cycles_in",
     "damper_reach",
     "end_constants",
+    "end_energy",
     "foam_params",
     "judge_claim",
     "kinetic_energy",

@@ -52,11 +52,8 @@ def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
     if not most > 0.0:
         return Judged()
     prompt, once, stall = claim.prompt(rig.claimed_s), claim.at_once(), claim.let_go
-    if once > PROMPT_REFUSED * most:
-        return Judged(
-            f"it may supply {joules(once)} at once while the host is prompt, {short(once / most)} "
-            f"times the {joules(most)} that it has at its velocity limit; {less_at_once(claim)}"
-        )
+    if refusal := prompt_refusal(once, most):
+        return Judged(f"{refusal}; {less_at_once(claim)}")
     if refusal := stall_refusal(rig, axis_name, claim):
         return Judged(refusal)
     found = []
@@ -76,6 +73,19 @@ def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
     return Judged(conditions=tuple(found))
 
 
+def prompt_refusal(once: float, most: float) -> str:
+    """Return why what an axis may supply at once [J] is too much for any condition; "" if not.
+
+    `most` is its kinetic energy at the velocity limit [J].
+    """
+    if not once > PROMPT_REFUSED * most > 0.0:
+        return ""
+    return (
+        f"it may supply {joules(once)} at once while the host is prompt, {short(once / most)} "
+        f"times the {joules(most)} that it has at its velocity limit"
+    )
+
+
 def stall_refusal(rig: Rig, axis_name: str, claim: Claim) -> str:
     """Return why what an axis may supply in a stall is too much for any condition; "" if not.
 
@@ -91,11 +101,16 @@ def stall_refusal(rig: Rig, axis_name: str, claim: Claim) -> str:
     )
 
 
-def stall_state(rig: Rig, axis_name: str, claim: Claim) -> str:
-    """Return the verdict on what an axis may supply in a stall, as `Judged.state`."""
-    if stall_refusal(rig, axis_name, claim):
+def tuned_state(rig: Rig, axis_name: str, claim: Claim, prompt: float, once: float) -> str:
+    """Return the verdict on an axis of a law without account, as `Judged.state`.
+
+    `prompt` is what it may supply in a run without stalls, `once` what of it at once [J].
+    """
+    most = claim.kinetic
+    if prompt_refusal(once, most) or stall_refusal(rig, axis_name, claim):
         return "refused"
-    return "passed" if claim.let_go <= STALL_PASSES * claim.kinetic else "conditional"
+    passed = prompt <= PROMPT_PASSES * most and claim.let_go <= STALL_PASSES * most
+    return "passed" if passed else "conditional"
 
 
 def prompt_cause(claim: Claim, seconds: float) -> str:

@@ -27,6 +27,12 @@ def pair_scale(keys: PairKeys) -> PairScale:
     return PairScale(keys.position_scale, force, float(keys.sign), force * keys.position_scale)
 
 
+def end_energy(rig: Rig, axis_name: str, energy: float) -> float:
+    """Return an energy of a pair [J] as the device at one of its ends gives it."""
+    side, _, pair = axis_name.partition(".")
+    return energy * (pair_scale(rig.coupling.pairs[pair]).power if side == "slave" else 1.0)
+
+
 def slave_offset(keys: PairKeys) -> tuple[float | None, float]:
     """Return the slave position for master 0 (None: set at engagement), and the tolerance.
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from tautwave.analysis.claim import Stated, stated_claim
 from tautwave.config import Rig
-from tautwave.rig import axis_claim, coupling_part, kinetic_energy, watchdogs
-from tautwave.rig.claim_verdict import stall_state, terms_of
+from tautwave.rig import axis_claim, coupling_part, end_energy, kinetic_energy, watchdogs
+from tautwave.rig.claim_verdict import terms_of, tuned_state
 from tautwave.session.facts import port_claims, stated_claims
 from tautwave.session.hooks import session_hooks
 from tautwave.types import CommandDelay
@@ -21,6 +21,7 @@ UNBOUND = "give velocity_limit or mechanical_range: without either a held effort
 UNWATCHED = "its drive never acts by itself; mechanical_range, its end stops, would bound it"
 IN_PROCESS = "the device is simulated in the process of the host, and ends with it"
 UNCERTIFIED = "nothing certifies that the law supplies nothing"
+UNENGAGED = "nothing bounds what the ends give that are moved apart as they engage"
 STILL = "the axis takes velocities"
 UNLIMITED = "the axis has no velocity_limit"
 
@@ -96,31 +97,40 @@ def _by_tuning(
     for name in rig.coupling.pairs:
         for side in rig.own_sides:
             axis_name = f"{side}.{name}"
-            prompt, why = _prompt(rig, name, axis_name, elements)
+            prompt, once, why = _prompt(rig, name, axis_name, elements)
             claim = axis_claim(rig, axis_name, delays[axis_name])
             stated = stated_claim(claim, rig.claimed_s, watched.get(axis_name))
             stated = stated._replace(prompt_j=prompt, claim_j=math.inf)
-            judged = stall_state(rig, axis_name, claim) if prompt < math.inf else ""
+            judged = ""
+            if prompt < math.inf:
+                judged = tuned_state(rig, axis_name, claim, prompt, once)
             absent = {"prompt_j": why, "claim_j": why or OFTEN}
             yield _claim(rig, axis_name, math.inf, stated, judged, absent)
 
 
 def _prompt(
     rig: Rig, pair: str, axis_name: str, elements: Sequence[Mapping[str, Any]]
-) -> tuple[float, str]:
-    """Return what an axis of a law without account supplies to a prompt host [J], or why inf."""
-    given, certified = 0.0, False
+) -> tuple[float, float, str]:
+    """Return what an axis of a law without account supplies to a prompt host, and at once [J].
+
+    Why, if they are inf.
+    """
+    once, leak, certified = 0.0, 0.0, False
     for one in elements:
         of_pair = (one["kind"], one["axis"]) == ("coupling", pair)
         if not of_pair and one["axis"] != axis_name:
             continue
         if not one["passive"]["passed"]:
-            return math.inf, one["passive"]["reason"]
+            return math.inf, math.inf, one["passive"]["reason"]
         numbers, certified = one["numbers"], certified or of_pair
         if numbers.get("engage_j", 0.0) is None:
-            return math.inf, "nothing bounds what the ends give that are moved apart as they engage"
-        given += numbers.get("engage_j", 0.0) + numbers.get("noise_w", 0.0) * rig.claimed_s
-    return (given, "") if certified else (math.inf, UNCERTIFIED)
+            return math.inf, math.inf, UNENGAGED
+        engaging = numbers.get("engage_j", 0.0)
+        once += end_energy(rig, axis_name, engaging) if of_pair else engaging
+        leak += numbers.get("noise_w", 0.0)
+    if not certified:
+        return math.inf, math.inf, UNCERTIFIED
+    return once + leak * rig.claimed_s, once, ""
 
 
 def _of_scene(rig: Rig, delays: Delays, watched: Mapping[str, float]) -> Iterator[PortClaim]:

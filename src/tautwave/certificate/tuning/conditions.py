@@ -10,8 +10,15 @@ from tautwave.analysis.claim import joules, short
 from tautwave.certificate.belief import SIDES, assumed
 from tautwave.certificate.tuning.two_port import Tuning
 from tautwave.config import Rig, local_wall
-from tautwave.rig import axis_allowance, axis_claim, pair_clip, pair_scale
-from tautwave.rig.claim_verdict import STALL_PASSES
+from tautwave.rig import (
+    axis_allowance,
+    axis_claim,
+    end_energy,
+    kinetic_energy,
+    pair_clip,
+    pair_scale,
+)
+from tautwave.rig.claim_verdict import PROMPT_PASSES, STALL_PASSES, prompt_refusal
 from tautwave.types import CommandDelay
 
 Delays = Mapping[str, CommandDelay]
@@ -131,8 +138,10 @@ def stall_sentence(rig: Rig, pair: str, delays: Delays) -> str:
 def engagement_joules(rig: Rig, pair: str, stiffness: float, delays: Delays) -> float:
     """Return what one engagement may supply [J], infinite where nothing bounds it.
 
-    While its ramp lasts the ends may be moved apart for less than they give afterwards; a fixed
-    offset begins with the spring stretched by `engage_tolerance`.
+    While its ramp lasts the ends may be moved apart for less than they give afterwards, as far as
+    their velocities and ranges allow: from one end of a range to the other, since a pair engages
+    anywhere, and beyond until the run has ended. A fixed offset begins with the spring stretched by
+    `engage_tolerance`.
     """
     keys = rig.coupling.pairs[pair]
     clip = pair_clip(rig, pair)
@@ -140,10 +149,66 @@ def engagement_joules(rig: Rig, pair: str, stiffness: float, delays: Delays) -> 
     if keys.offset != "at_engage":
         stretch = math.inf if keys.engage_tolerance is None else keys.engage_tolerance
     if rig.coupling.engage_ramp_s > 0.0:
-        names = [f"{side}.{pair}" for side in SIDES]
-        master, slave = (axis_allowance(rig, name, delays[name]).velocity for name in names)
-        stretch += (master + slave / pair_scale(keys).scale) * rig.coupling.engage_ramp_s
+        master, slave = (_moved(rig, f"{side}.{pair}", delays) for side in SIDES)
+        stretch += master + slave / pair_scale(keys).scale
     if stretch == 0.0 or stiffness == 0.0:
         return 0.0
     slack = min(stretch, clip / stiffness)
     return clip * (stretch - slack) + 0.5 * stiffness * slack * slack
+
+
+def _moved(rig: Rig, name: str, delays: Delays) -> float:
+    """Return how far an axis may be moved while its pair engages [rad or m]."""
+    has, ends = axis_allowance(rig, name, delays[name]), rig.axes[name].position_range
+    drawn = has.velocity * rig.coupling.engage_ramp_s
+    if ends is None:
+        return drawn
+    return min(drawn, ends[1] - ends[0] + has.velocity * (has.period + has.delay))
+
+
+def engagement_condition(rig: Rig, pair: str, engaging: float) -> str:
+    """Return the condition on an engagement that may supply much, "" where none is needed."""
+    for name in (f"{side}.{pair}" for side in SIDES):
+        given, most = end_energy(rig, name, engaging), kinetic_energy(rig, name)
+        if given > PROMPT_PASSES * most:
+            return (
+                f"the ends of {pair} are not moved apart while it engages ({name} may supply "
+                f"{joules(given)} in one engagement, {short(given / most)} times the "
+                f"{joules(most)} that it has at its velocity limit)"
+            )
+    return ""
+
+
+def engagement_refusal(rig: Rig, pair: str, stiffness: float, delays: Delays) -> str:
+    """Return why an engagement may supply too much to depend on a condition; "" if not."""
+    engaging = engagement_joules(rig, pair, stiffness, delays)
+    for name in (f"{side}.{pair}" for side in SIDES):
+        most = kinetic_energy(rig, name)
+        if math.isfinite(engaging) and (
+            refusal := prompt_refusal(end_energy(rig, name, engaging), most)
+        ):
+            remedy = _shorter_ramp(rig, pair, stiffness, delays)
+            return f"at {name}, {refusal}: its ends may be moved apart as it engages; {remedy}"
+    return ""
+
+
+def _shorter_ramp(rig: Rig, pair: str, stiffness: float, delays: Delays) -> str:
+    """Return the ramp of an engagement that is not refused, in words."""
+    low, high = 0.0, rig.coupling.engage_ramp_s
+
+    def allowed(ramp: float) -> bool:
+        coupling = rig.coupling.model_copy(update={"engage_ramp_s": ramp})
+        trial = rig.model_copy(update={"coupling": coupling})
+        given = engagement_joules(trial, pair, stiffness, delays)
+        names = [f"{side}.{pair}" for side in SIDES]
+        return not any(
+            prompt_refusal(end_energy(rig, name, given), kinetic_energy(rig, name))
+            for name in names
+        )
+
+    if not allowed(0.0):
+        return "lower engage_tolerance or effort_limit"
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    return f"coupling.engage_ramp_s of {float(f'{0.95 * low:.2g}'):g} s or less would do"

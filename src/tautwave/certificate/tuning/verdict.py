@@ -10,7 +10,9 @@ from tautwave.certificate.belief import SIDES, broken_damping
 from tautwave.certificate.data import Element, Verdict
 from tautwave.certificate.tuning.conditions import (
     conditions_of,
+    engagement_condition,
     engagement_joules,
+    engagement_refusal,
     stall_sentence,
 )
 from tautwave.certificate.tuning.two_port import Tuning, coupling_damping, tuning
@@ -58,6 +60,8 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
             f"so {beside} would enter its spring; remove that or velocity_filter_s",
             margin=margin,
         )
+    elif refused := engagement_refusal(rig, pair, found.stiffness, delays):
+        verdict = Verdict(False, f"{head}: {refused}", margin=margin)
     else:
         numbers["holds"] = "by tuning"
         text += stall_sentence(rig, pair, delays)
@@ -72,6 +76,8 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
         elif engaging > 0.0:
             numbers["engage_j"] = engaging
             text += f" Each engagement may supply up to {joules(engaging)} more."
+            if said := engagement_condition(rig, pair, engaging):
+                conditions.append(said)
         verdict = Verdict(True, text, tuple(conditions), margin)
     quantised = verdict
     if verdict.passed and any(rig.axes[name].encoder_quantum for name in names):
