@@ -19,8 +19,9 @@ from tautwave.session.acceptance import shared as module
 from tautwave.session.acceptance.document import FILE, verify, write_sealed
 from tautwave.session.acceptance.shared import KEEP, SERIAL, Shared, read_shared, shared, text_of
 from tautwave.session.bus_replay import read_traffic, shared_rig
-from tests.reports.make import old_servo
+from tests.reports.make import old_servo, shipped
 from tests.session.test_accepting import accept, bench, written
+from tests.session.test_newcomers import EDS
 
 HOST = socket.gethostname()
 FILE_OF_ANNA = "/home/anna/x y.eds"
@@ -273,6 +274,24 @@ def test_a_device_that_is_refused_in_the_first_stage_leaves_a_file(tmp_path: Pat
     assert [one for one in events if one.bus == bus and not one.out]
     assert shared_rig(rig_of).buses.keys() == {bus}
     assert verify(tmp_path / "out" / FILE).wrong == []
+
+
+@pytest.mark.slow
+def test_a_scale_unlike_the_drives_own_file_leaves_a_file_that_names_nobody(tmp_path: Path) -> None:
+    data, target = shipped("bench-canopen-virtual"), tmp_path / "drives.json"
+    eds = EDS.format(vendor="0xFB", product="0x60500000")
+    (tmp_path / "joe drive.eds").write_text(re.sub(r"DefaultValue=\d+", "DefaultValue=777", eds))
+    for node in data["buses"]["can"]["options"]["nodes"]:
+        node["eds"] = "joe drive.eds"
+        node["identity"]["serial"] = NUMBER
+    done = accept(written(tmp_path, data), "identity,hand", "", "--share", str(target))
+    assert done.exit_code == 5, done.output
+    text, sent = target.read_text(), bytes.fromhex(TOLD[2:])[::-1].hex().upper()
+    for secret in (str(NUMBER), TOLD, sent, "joe"):
+        assert secret not in text
+    assert "4318100400000000" in text
+    (check,) = read_shared(target).checks
+    assert "motor rated torque is 777" in check["measured"]["said"]
 
 
 @pytest.mark.slow
