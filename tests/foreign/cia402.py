@@ -46,6 +46,7 @@ OBJECTS: dict[Key, tuple[str, int]] = {
 OPTIONAL = {
     0x1006: "u4", 0x1012: "u4", 0x1015: "u2", 0x1019: "u1", 0x2000: "u1", 0x2001: "u1",
     0x6065: "u4", 0x6066: "u2", 0x6075: "u4", 0x607B: "i4", 0x607C: "i4", 0x607E: "u1",
+    0x6073: "u2", 0x607F: "u4", 0x6089: "i1", 0x608A: "u1", 0x608B: "i1", 0x608C: "u1",
     0x6080: "u4", 0x6090: "u4", 0x6091: "u4", 0x6092: "u4", 0x6093: "u4", 0x6094: "u4",
     0x6095: "u4",
     0x6096: "u4", 0x60A8: "u4", 0x60A9: "u4", 0x60B0: "i4", 0x60B1: "i4", 0x60B2: "i2",
@@ -187,6 +188,8 @@ class ForeignDrive:
 
     def counts_per_turn(self) -> float:
         word = self.value(0x60A8)
+        if not word and (0x608A, 0) in self.values:  # as edition 2 of CiA 402 has it
+            word = (self.value(0x6089) & 0xFF) << 24 | self.value(0x608A) << 16
         unit, scale = word >> 16 & 0xFF, 10.0 ** ((word >> 24) - (256 if word >> 31 else 0))
         if unit in ANGLES:
             return math.tau / (ANGLES[unit] * scale) / self.ratio(0x6091)
@@ -208,6 +211,9 @@ class ForeignDrive:
         """[rad/s] of the motor, by 60FFh in the units of 60A9h, 6090h and the factors."""
         word, value = self.value(0x60A9), self.value(0x60FF) + self.value(0x60B1)
         value = -value if self.value(0x607E) & 0x40 else value
+        if not word and (0x608C, 0) in self.values:
+            unit = 0xB447 if self.value(0x608C) == 0xA4 else self.value(0x608C) << 8
+            word = (self.value(0x608B) & 0xFF) << 24 | unit << 8
         factor = self.ratio(0x6096) * self.ratio(0x6094) * self.ratio(0x6095)
         if word >> 16 & 0xFF in ANGLES:
             scale = 10.0 ** ((word >> 24) - (256 if word >> 31 else 0))
@@ -217,12 +223,14 @@ class ForeignDrive:
             own = self.ratio(0x6090)
             speed = math.tau * value / (own if own != 1.0 else self.counts_per_turn())
         most = self.value(0x6080, 0, 1 << 31) / 60.0 * math.tau
+        profile = self.value(0x607F, 0, 1 << 31) / self.counts_per_turn() * math.tau
+        most = min(most, profile)  # as some drives do in CSV
         return max(-most, min(most, speed * factor))
 
     def commanded_torque(self) -> float:
         value = self.value(0x6071) + self.value(0x60B2)
         value = -value if self.value(0x607E) & 0x20 else value
-        most = self.value(0x6072, 0, 0xFFFF)
+        most = min(self.value(0x6072, 0, 0xFFFF), self.value(0x6073, 0, 0xFFFF))
         high = min(most, self.value(0x60E0, 0, 0xFFFF))
         low = min(most, self.value(0x60E1, 0, 0xFFFF))
         current = 1.0 if self.value(0x6075, 0, 1) else 0.0

@@ -27,6 +27,16 @@ def _prefix(word: int) -> float:
     return float(10.0 ** (exponent - 0x100 if exponent >= 0x80 else exponent))
 
 
+def unit_word(notation: int, dimension: int) -> int:
+    """Return notation and dimension index (6089h and 608Ah, 608Bh and 608Ch) as a unit word.
+
+    Source: CiA 402, edition 2: dimensions by the codes that CiA 303-2 has too; A4h is rev/min, ACh
+    a step.
+    """
+    unit = {0xA4: 0x00B44700, 0xAC: 0x00B50000}.get(dimension, dimension << 16)
+    return (notation & 0xFF) << 24 | unit
+
+
 def position_unit(word: int) -> float | None:
     """Return the SI value [rad or m] of one count by 60A8h; None for increments or what is unknown.
 

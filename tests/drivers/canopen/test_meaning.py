@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DriverError
 from tautwave_drivers.canopen.axis import Axis
+from tautwave_drivers.canopen.setup import meaning
 from tautwave_drivers.canopen.setup.meaning import ENTRIES, TABLE, verdicts
 from tautwave_drivers.cia402 import objects as o
+from tautwave_drivers.cia402.entry import Entry
 from tests.drivers.canopen.benches import block, driver_options, make, node
 from tests.drivers.canopen.foreign import Foreign, foreign, remedies
 from tests.foreign.cia402 import ForeignDrive, Key
@@ -33,6 +37,12 @@ OTHERS: dict[Key, tuple[int, ...]] = {
     (0x6075, 0): (1000, 0),
     (0x6076, 0): (500, 0, 499, 5000, 500_000),
     (0x6072, 0): (3000, 800, 799, 0),
+    (0x6073, 0): (3000, 800, 799, 0),
+    (0x607F, 0): (0xFFFFFFFF, 9779, 9770, 1, 0),
+    (0x6089, 0): (0, -1, 3),
+    (0x608A, 0): (0, 0xB5, 0xAC, 0x41, 0xB4, 0x10, 0x01, 0x77),
+    (0x608B, 0): (0, -3),
+    (0x608C, 0): (0, 0xA4, 0xB4, 0x01, 0x77),
     (0x60E0, 0): (3000, 800, 799, 0),
     (0x60E1, 0): (3000, 800, 799, 0, 0x10000 - 800, 0x10000 - 799, 0xFFFF),
     (0x6080, 0): (5000, 144, 143, 0),
@@ -63,6 +73,9 @@ CASES: list[dict[Key, int]] = [
     ),
     {(0x60A8, 0): TENTH_DEGREE, (0x6091, 1): 7, (0x6091, 2): 1},
     {(0x6092, 1): 28672, (0x6092, 2): 1, (0x6091, 1): 7, (0x6091, 2): 1},
+    {(0x6089, 0): -1, (0x608A, 0): 0x41},
+    {(0x6089, 0): 0, (0x608A, 0): 0xB5},
+    {(0x608B, 0): -3, (0x608C, 0): 0xA4},
     {(0x60A9, 0): TURNS_PER_MINUTE, (0x6090, 1): 1000, (0x6090, 2): 1},
 ]
 NEUTRAL: list[dict[Key, int]] = [
@@ -75,6 +88,11 @@ NEUTRAL: list[dict[Key, int]] = [
     {(0x60E0, 0): 800, (0x60E1, 0): 0x10000 - 800},  # counted downwards
     {(0x60B2, 0): 300},
     {(0x6080, 0): 144},
+    {(0x6073, 0): 800},
+    {(0x607F, 0): 9779},
+    {(0x6089, 0): 0, (0x608A, 0): 0xB5},
+    {(0x608A, 0): 0xAC},
+    {(0x608B, 0): 0, (0x608C, 0): 0},
 ]
 """Some that have to go through: a driver that refuses everything would pass the rest."""
 
@@ -152,6 +170,88 @@ def test_every_row_of_the_table_is_tried(row: object) -> None:
     assert {(entry.index, entry.sub) for entry in row.entries} <= tried  # type: ignore[attr-defined]
 
 
+PROFILE = """
+6060-607F 6080-608E 608F-609A 60A2-60A4 60A8-60AB 60B0-60B2 60B8-60BD 60C0-60C6 60D0-60D5 60E0 60E1
+60E3-60EF 60F2 60F4 60F6-60FF
+"""
+"""Indices that CiA 402-2 gives a meaning from 6060h to 60FFh, those of edition 2 included."""
+
+LEFT_ALONE = {
+    "6062 6063 6069 606B 6074 6078 6079 60F4 60FA 60FC 60FD":
+        "the drive only shows it; no command is made of it",
+    "6065 6066 6067 6068": "windows of a position loop, which CST and CSV have not",
+    "606A 606C": "velocity as the drive has it, and from which sensor: read for its sign alone",
+    "606D 606E 606F 6070": "windows of PV; bits of 6041h that are not read",
+    "607D": "software position limits: a drive that stops there says so in 6041h, bit 11",
+    "6081 6083 6084 6085": "ramps and velocity of profile moves and of a quick stop",
+    "6082 6086 6087 6088 608D 608E 6097 60A2 60A3 60A4 60AA 60AB":
+        "ramps, jerk and their units are of profile modes: CST and CSV take each set-point as sent",
+    "60B8 60B9 60BA 60BB 60BC 60BD 60D0 60D1 60D2 60D3 60D4 60D5": "touch probe, never started",
+    "60C0 60C1 60C3 60C4": "interpolated position mode, which is not used",
+    "60C5 60C6": "ends of profile ramps; a drive that ramps CSV by them comes late, not to another "
+        "velocity, and its measured position shows that",
+    "60E3 60E7 60E9 60EB 60EC 60ED 60EE 60EF 60E4 60E5 60E6 60E8":
+        "homing methods, and further encoders, which are not read",
+    "60EA": "commutation angle of CSTCA, which is not used",
+    "60F2": "kinds of positioning in PP",
+    "60F6 60F7 60F9 60FB": "gains and motor data of the drive's loops",
+    "60F8": "slippage of PV: it ends a move by a bit of 6041h, and caps nothing",
+    "60FE": "outputs and brake are the drive's; a file writes them only where dcf_include names it",
+}  # fmt: skip
+"""What no rule looks at, and why that does not matter to a number that is sent or read."""
+
+
+def indices(text: str) -> set[int]:
+    found: set[int] = set()
+    for word in text.split():
+        first, _, last = word.partition("-")
+        found |= set(range(int(first, 16), int(last or first, 16) + 1))
+    return found
+
+
+def test_every_object_of_the_profile_has_a_rule_a_use_or_a_reason() -> None:
+    package = Path(meaning.__file__).parent.parent
+    source = "\n".join(path.read_text() for path in package.rglob("*.py"))
+    used = {
+        entry.index
+        for name, entry in vars(o).items()
+        if isinstance(entry, Entry) and re.search(rf"\bo\.{name}\b", source)
+    }
+    judged = {entry.index for entry in ENTRIES}
+    left = [index for text in LEFT_ALONE for index in indices(text)]
+    assert len(left) == len(set(left))
+    assert not used & set(left)
+    assert judged <= used
+    assert {f"{index:04X}" for index in indices(PROFILE) - used - set(left)} == set()
+    assert set(left) <= indices(PROFILE)
+
+
+def profile_refusal(held: int, move: dict[str, Any] | None, causality: str) -> str:
+    stated: dict[str, Any] = {"id": 1, "rated_torque": 0.5, "counts_per_revolution": 4096}
+    stated |= {"move": move} if move else {}
+    options = driver_options({"interface": "virtual", "nodes": [stated]})
+    (one,) = options.nodes
+    axis = Axis(AxisSpec("a", 1, "rotary", causality, 0.4, 15.0), one, options, 1000.0)
+    read = dict.fromkeys(ENTRIES) | {o.MAX_PROFILE_VELOCITY: held}
+    (said,) = (
+        v.refusal for row, v in verdicts(read, axis) if o.MAX_PROFILE_VELOCITY in row.entries
+    )
+    return said
+
+
+def test_a_max_profile_velocity_counts_where_a_velocity_is_sent() -> None:
+    """15 rad/s are 9778.5 counts/s; a move of 2 rad/s 1303.8."""
+    slow: dict[str, Any] = {"position": 0.0, "velocity": 2.0}
+    assert "velocity_limit 15; lower that, or set it to at least 9779" in profile_refusal(
+        9700, None, "admittance"
+    )
+    assert not profile_refusal(9779, None, "admittance")
+    assert not profile_refusal(1, None, "impedance")
+    assert not profile_refusal(1, slow, "impedance")  # by CSP
+    assert not profile_refusal(1304, slow | {"mode": "pv"}, "impedance")
+    assert "velocity of move 2; lower" in profile_refusal(1, slow | {"mode": "pv"}, "impedance")
+
+
 @pytest.mark.parametrize(
     ("case", "first", "said"),
     [
@@ -180,6 +280,18 @@ def test_every_row_of_the_table_is_tried(row: object) -> None:
             {},
             "unit 77h of CiA 303-2.*does not know that unit; set it to",
         ),
+        (
+            {(0x6089, 0): -1, (0x608A, 0): 0x41},
+            {},
+            "6089:00 position notation index is -1, 608A:00 position dimension index is 65; .*"
+            "3600 counts .* the rig states 4096; state counts_per_rev.*, or set both to 0",
+        ),
+        ({(0x608A, 0): 0x77}, {}, "608A:00 .* is 119; .*does not know that unit; set both to 0"),
+        (
+            {(0x6073, 0): 799},
+            {},
+            "6073:00 max current is 799; .* below the rig's effort_limit 0.4; .*at least 800",
+        ),
     ],
 )
 def test_a_refusal_says_object_value_what_is_right_and_how(
@@ -194,6 +306,7 @@ def test_a_refusal_says_object_value_what_is_right_and_how(
     "case",
     [
         {(0x60A8, 0): TENTH_DEGREE},
+        {(0x6089, 0): -1, (0x608A, 0): 0x41},
         {(0x608F, 1): 2000},
         {(0x6092, 0): 2, (0x6092, 1): 3600, (0x6092, 2): 1},
         {(0x6076, 0): 700},

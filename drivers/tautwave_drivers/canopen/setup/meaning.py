@@ -2,10 +2,8 @@
 
 Every one stands in `TABLE`. Each is read before any torque, where the drive has it, and compared
 with what the rig states; a difference is refused with the object, its value and what would be
-right. Source: CiA 402-2 v3.0, factor group and limits; 6093h to 6095h as in its edition 2.
-
-Edition 2's notation and dimension indices (6089h, 608Ah; 608Bh, 608Ch) are not in it: they only
-name the unit that 6093h to 6096h make, and drives leave anything there (Elmo's do not use them).
+right. Source: CiA 402-2 v3.0, factor group and limits; 6089h to 608Ch and 6093h to 6095h as in its
+edition 2.
 """
 
 from __future__ import annotations
@@ -24,6 +22,7 @@ from tautwave_drivers.cia402.si_units import (
     is_length,
     position_unit,
     unit_text,
+    unit_word,
     velocity_unit,
 )
 from tautwave_drivers.cia402.units import MAXON, MICRO, MILLI
@@ -43,6 +42,9 @@ ZEROED = (
     o.POSITION_OFFSET,
 )
 """What is left in these acts as soon as the drive is enabled: they are written 0."""
+
+OF_VELOCITY = (o.VELOCITY_NOTATION, o.VELOCITY_DIMENSION, o.MAX_PROFILE_VELOCITY)
+"""They mean nothing to a run that sends no velocity, which does not read them."""
 
 Read = Mapping[Entry, int | None]
 """Values of all objects in the table; None where the drive has none."""
@@ -78,7 +80,10 @@ def check_meaning(drive: RemoteDrive, axis: Axis, master_id: int) -> list[str]:
     DeviceFault
         A number would mean something else than in the rig.
     """
-    read = {entry: drive.find(entry) for entry in ENTRIES}
+    read = {
+        entry: drive.find(entry) if uses(axis) or entry not in OF_VELOCITY else None
+        for entry in ENTRIES
+    }
     notes = []
     for row, verdict in verdicts(read, axis):
         if verdict.refusal and o.MAX_TORQUE in row.entries and _armed_by(drive, master_id):
@@ -130,7 +135,7 @@ def counts_per_turn(read: Read) -> float | None:
 
     Drives leave 1/1, or 0, in 608Fh where they do not say what encoder they have.
     """
-    word = read.get(o.POSITION_UNIT)
+    word = _position_word(read)
     unit = position_unit(word) if word and not is_increments(word) else None
     if word and unit is not None and not is_length(word):
         return math.tau / unit / _gear(read)
@@ -211,9 +216,20 @@ def _feed(read: Read) -> float | None:
     return None if read.get(o.FEED) == 1 else _ratio(read, o.FEED, o.FEED_REVOLUTIONS)
 
 
+def _old_word(read: Read, notation: Entry, dimension: Entry) -> int | None:
+    """Return a unit by two indices of edition 2 as a unit word, None where there are none."""
+    power, unit = read.get(notation), read.get(dimension)
+    return None if power is None and unit is None else unit_word(power or 0, unit or 0)
+
+
+def _position_word(read: Read) -> int | None:
+    """Return the unit of positions as a word, by 60A8h or else by edition 2's indices."""
+    return read.get(o.POSITION_UNIT) or _old_word(read, o.POSITION_NOTATION, o.POSITION_DIMENSION)
+
+
 def _si_unit(read: Read) -> float | None:
-    """Return the SI value of one position unit (60A8h), None for increments or none."""
-    word = read[o.POSITION_UNIT]
+    """Return the SI value of one position unit, None for increments or none."""
+    word = _position_word(read)
     return position_unit(word) if word and not is_increments(word) else None
 
 
@@ -230,11 +246,21 @@ def _state(counts: float) -> str:
 
 
 def _position_unit(read: Read, axis: Axis) -> Verdict:
-    word = read[o.POSITION_UNIT]
+    increments = f"set it to increments (0x00B50000, on some drives 0) {TOOL}"
+    return _unit_of_position(read, axis, read[o.POSITION_UNIT], "60A8", increments)
+
+
+def _old_position_unit(read: Read, axis: Axis) -> Verdict:
+    word = _old_word(read, o.POSITION_NOTATION, o.POSITION_DIMENSION)
+    return _unit_of_position(read, axis, word, "6089 and 608A", f"set both to 0 {TOOL}")
+
+
+def _unit_of_position(
+    read: Read, axis: Axis, word: int | None, named: str, increments: str
+) -> Verdict:
     if not word or is_increments(word):
         return Verdict()
-    increments = f"set it to increments (0x00B50000, on some drives 0) {TOOL}"
-    unit = _si_unit(read)
+    unit = position_unit(word)
     if unit is None:
         return Verdict(f"this driver does not know that unit; {increments}")
     node = axis.node
@@ -251,7 +277,7 @@ def _position_unit(read: Read, axis: Axis) -> Verdict:
             f"that makes {counts:g} counts per motor turn, but the rig states "
             f"{node.counts_per_revolution}; {state}{increments}"
         )
-    return Verdict(note=f": 60A8 {unit_text(word)} is one count, as in the rig")
+    return Verdict(note=f": {named} {unit_text(word)} is one count, as in the rig")
 
 
 def _factors(read: Read, axis: Axis) -> Verdict:
@@ -319,9 +345,23 @@ def uses(axis: Axis) -> bool:
     return axis.servo or (move is not None and move.mode == "pv")
 
 
+def _velocity_word(read: Read) -> int | None:
+    """Return the unit of velocities as a word, by 60A9h or else by edition 2's indices."""
+    return read[o.VELOCITY_UNIT] or _old_word(read, o.VELOCITY_NOTATION, o.VELOCITY_DIMENSION)
+
+
 def _velocity_unit(read: Read, axis: Axis) -> Verdict:
     """Judge 60A9h. It does not say whether it is at the motor or at the gear's output: both do."""
-    word = read[o.VELOCITY_UNIT]
+    increments = f"set it to increments per second (0x00B50300) {TOOL}"
+    return _unit_of_velocity(axis, read[o.VELOCITY_UNIT], "60A9", increments)
+
+
+def _old_velocity_unit(read: Read, axis: Axis) -> Verdict:
+    word = _old_word(read, o.VELOCITY_NOTATION, o.VELOCITY_DIMENSION)
+    return _unit_of_velocity(axis, word, "608B and 608C", f"set both to 0 {TOOL}")
+
+
+def _unit_of_velocity(axis: Axis, word: int | None, named: str, increments: str) -> Verdict:
     if not word or not uses(axis):
         return Verdict()
     node, quantum = axis.node, axis.scale.encoder_quantum
@@ -332,8 +372,7 @@ def _velocity_unit(read: Read, axis: Axis) -> Verdict:
         meant = [quantum]
     elif unit is None:
         return Verdict(
-            "this driver does not know that unit; set it to increments per second (0x00B50300) "
-            f"{TOOL}, with velocity_factor: 1 in the rig"
+            f"this driver does not know that unit; {increments}, with velocity_factor: 1 in the rig"
         )
     elif is_length(word):
         meant = [unit]
@@ -345,13 +384,13 @@ def _velocity_unit(read: Read, axis: Axis) -> Verdict:
             f"one unit is {right} counts/s, but the rig states velocity_factor "
             f"{node.velocity_factor:g}; correct it"
         )
-    return Verdict(note=f": 60A9 velocity unit {unit_text(word)}, as velocity_factor")
+    return Verdict(note=f": {named} velocity unit {unit_text(word)}, as velocity_factor")
 
 
 def _velocity_encoder(read: Read, axis: Axis) -> Verdict:
     held = _ratio(read, o.VELOCITY_INCREMENTS, o.VELOCITY_REVOLUTIONS)
-    word = read[o.VELOCITY_UNIT]
-    stated = bool(word) and not is_increments(word or 0)  # by 60A9h, whatever the encoder has
+    word = _velocity_word(read)
+    stated = bool(word) and not is_increments(word or 0)  # whatever the encoder has
     if held is None or held == 1.0 or stated or not uses(axis):
         return Verdict()
     node = axis.node
@@ -450,6 +489,20 @@ def _speed_cap(read: Read, axis: Axis) -> Verdict:
     )
 
 
+def _profile_cap(read: Read, axis: Axis) -> Verdict:
+    """Judge 607Fh: of profile modes by the standard, but some drives cap CSV by it too."""
+    held, step, node = read[o.MAX_PROFILE_VELOCITY], axis.scale.velocity_quantum, axis.node
+    fastest = axis.spec.velocity_limit if axis.servo else node.move.velocity if node.move else 0.0
+    wanted = fastest / step if uses(axis) else 0.0
+    if held is None or wanted == math.inf or held >= wanted * (1.0 - RATIO_TOLERANCE):
+        return Verdict()
+    what = "velocity_limit" if axis.servo else "velocity of move"
+    return Verdict(
+        f"that is {held * step:.4g} at the axis, below the rig's {what} {fastest:g}; lower that, "
+        f"or set it to at least {math.ceil(wanted)} {TOOL} if motor and mechanics allow it"
+    )
+
+
 TABLE = (
     Row((o.POLARITY,), "the signs of 6064h, 606Ch and 60FFh", "0 alone", _polarity),
     Row((o.HOME_OFFSET,), "the zero of 6064h", "home_offset of the rig", _home_offset),
@@ -460,6 +513,12 @@ TABLE = (
         _wrap,
     ),
     Row((o.POSITION_UNIT,), "6064h and 607Ah", "increments, or the rig's counts", _position_unit),
+    Row(
+        (o.POSITION_NOTATION, o.POSITION_DIMENSION),
+        "6064h and 607Ah",
+        "0 and 0, or the rig's counts",
+        _old_position_unit,
+    ),
     Row(
         (o.GEAR_MOTOR, o.GEAR_SHAFT, o.FEED, o.FEED_REVOLUTIONS),
         "6064h and 607Ah",
@@ -479,6 +538,12 @@ TABLE = (
         _one(o.POSITION_FACTOR, o.POSITION_DIVISOR, velocity=False),
     ),
     Row((o.VELOCITY_UNIT,), "606Ch and 60FFh", "0, or velocity_factor", _velocity_unit),
+    Row(
+        (o.VELOCITY_NOTATION, o.VELOCITY_DIMENSION),
+        "606Ch and 60FFh",
+        "0 and 0, or velocity_factor",
+        _old_velocity_unit,
+    ),
     Row(
         (o.VELOCITY_INCREMENTS, o.VELOCITY_REVOLUTIONS),
         "606Ch and 60FFh",
@@ -504,7 +569,14 @@ TABLE = (
     ),
     *(
         Row((entry,), "the maximum of 6071h", "effort_limit", _torque_cap(entry), True)
-        for entry in (o.POSITIVE_TORQUE_LIMIT, o.NEGATIVE_TORQUE_LIMIT)
+        for entry in (o.MAX_CURRENT, o.POSITIVE_TORQUE_LIMIT, o.NEGATIVE_TORQUE_LIMIT)
+    ),
+    Row(
+        (o.MAX_PROFILE_VELOCITY,),
+        "the maximum of 60FFh on some drives",
+        "velocity_limit",
+        _profile_cap,
+        True,
     ),
     Row((o.MAX_MOTOR_SPEED,), "the maximum of 606Ch", "velocity_limit", _speed_cap, True),
 )
