@@ -127,6 +127,7 @@ def test_a_gap_longer_than_a_spring_s_condition_is_named(
         **limits,
         **{f"{side}.axes.a.effort_rate_limit": 1e5 for side in ("master", "slave")},
         "coupling.pairs.a": {"stiffness": 60, "damping": 0.0},
+        "coupling.engage_ramp_s": 0.02,
         "loop": {"missing_limit": 20, "overrun_limit": 30},
         "simulation.faults": {"overrun_probability": stalls, "overrun_slots": 20},
     }
