@@ -109,3 +109,8 @@ def test_a_limit_that_law_mediated_needs_is_named(key: str) -> None:
 @pytest.mark.parametrize("delay", [0.006, 0.02, 0.1, 0.3])
 def test_what_it_takes_over_a_long_line_is_certified(delay: float) -> None:
     assert certify(first(LAW, f"coupling.delay_s={delay}")).passed
+
+
+def test_a_misspelt_auto_is_recognised() -> None:
+    with pytest.raises(ConfigError, match="unknown law 'autoo'; did you mean 'auto'"):
+        first("coupling.law=autoo")

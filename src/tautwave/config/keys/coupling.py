@@ -233,7 +233,7 @@ RENAMED = {"observed_wave": "wave"}
 
 
 def _refuse_law(name: str) -> str:
-    text = unknown_word("law", name, registry.coupling_names())
+    text = unknown_word("law", name, [AUTO, *registry.coupling_names()])
     if name in RENAMED:
         text = f"law {name} is law {RENAMED[name]} now; write law: {RENAMED[name]}"
     if name in registry.coupling_names() or registry.is_file_part(name):
