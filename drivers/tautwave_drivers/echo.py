@@ -48,7 +48,7 @@ class Unechoed:
         self._port.close()
 
     def find_echo(self, clock: Clock, probe: bytes, wait_ns: int) -> None:
-        """See whether the adapter echoes, by an instruction that nobody answers.
+        """See whether the adapter echoes, by an instruction that no servo answers.
 
         Parameters
         ----------

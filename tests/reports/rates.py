@@ -19,7 +19,7 @@ CONFIGS = HERE.parents[1] / "configs"
 HEAD = """# Which PC, which adapter, which rate
 
 Two things limit the rate of a rig: what its buses can carry, and what its computer keeps. `tautwave
-check` computes the first for your rig, `tautwave doctor` finds what can be mended, and
+check` computes the first for your rig, `tautwave doctor` finds what can be improved, and
 [Measure your machine](howto/measure-your-machine.md) has the commands that measure the second.
 
 ## What a bus allows

@@ -21,7 +21,7 @@ drivers, in every test run. This page is made of the files in `tests/reports`.
 | device | firmware | bus | at | rate | what was run | by, when |
 |---|---|---|---|---|---|---|
 """
-NONE = "**Real hardware: none so far.** What follows are simulators only."
+NONE = "**Real hardware: none so far.** So far the list has only simulators."
 SOME = "{count} of these are real hardware."
 NAMES = ("model", "family", "vendor", "product")
 

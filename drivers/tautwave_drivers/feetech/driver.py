@@ -334,7 +334,7 @@ class FeetechDriver(DriverBase):
         ]
 
     def _judge(self, samples: Sequence[Sample | None]) -> None:
-        """See whether each servo is still as it was set, and how high its supply is."""
+        """Check that each servo is still as it was set, and how high its supply is."""
         for some, goals in ((self._efforts, self._goals), (self._places, self._positions)):
             for place, at in enumerate(some):
                 axis, sample = self._axes[at], samples[at]

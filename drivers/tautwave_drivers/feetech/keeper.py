@@ -1,7 +1,7 @@
 """A process beside the run that stops all servos of a line once the run is silent, or gone.
 
 Servos without a watchdog go on with their last goal when the process that drives them is killed or
-stalls. This one has the same line open, and sends torque off to everybody then. It cannot help
+stalls. This one has the same line open, and then sends torque off to all servos. It cannot help
 where the machine itself stops, or the cable is pulled.
 """
 
@@ -14,7 +14,7 @@ import sys
 
 FEED, REST, END = b".", b"r", b"q"
 WAIT_S = 5.0
-"""Longest wait for its end; it has nothing to do then."""
+"""Longest wait for its end, when it has nothing left to do."""
 
 PROGRAM = """
 import os, select, sys

@@ -1,6 +1,6 @@
 """Switching servos off: torque off to all at once, then each one's own report.
 
-The order goes to everybody on the line, listed or not: nothing else stops a servo that nobody
+The order goes to all servos on the line, listed or not: nothing else stops a servo that no one
 watches.
 """
 

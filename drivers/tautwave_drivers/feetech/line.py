@@ -17,9 +17,9 @@ SPARE = 5
 LISTEN_NS = 100_000_000
 """A master that moves servos speaks ten times a second at least."""
 PING_NS = 150_000_000
-"""Silence after which nobody else answers a broadcast ping."""
+"""Silence after which no further servo answers a broadcast ping."""
 PROBE = protocol1.read_packet(BROADCAST, 5, 1)
-"""A read that nobody answers, since it is addressed to all."""
+"""A read that no servo answers, since it is addressed to all."""
 
 BITS_PER_BYTE = 10
 
@@ -76,7 +76,7 @@ class ServoLine:
         return self._transact(device_id, request, 0, 1)
 
     def tell(self, packet: bytes) -> None:
-        """Send what nobody answers."""
+        """Send a packet to which there is no answer."""
         self._port.read()
         self._port.write(packet)
 

@@ -23,9 +23,9 @@ from tautwave_drivers.serial_ports import ports_found
 LATENCY_S = 0.002
 """Of adapters with an unknown latency timer; FTDI's is known, 16 ms unless set."""
 HOST_S = 0.005
-"""Of this machine, for each of the ids that nobody has."""
+"""Of this machine, for each id without a servo."""
 USUAL = range(1, 17)
-"""Ids that are asked one by one where nobody answers a broadcast ping."""
+"""Ids that are asked one by one where no servo answers a broadcast ping."""
 TRIES = 3
 
 

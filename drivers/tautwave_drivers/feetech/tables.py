@@ -139,7 +139,7 @@ HLS = Table(
 
 
 class Identity(NamedTuple):
-    """What registers 0 to 4 say: firmware, whether numbers are big-endian, model."""
+    """What registers 0 to 4 hold: firmware, whether numbers are big-endian, model."""
 
     major: int
     minor: int
@@ -153,7 +153,7 @@ class Identity(NamedTuple):
 
     @property
     def table(self) -> Table | None:
-        """The table of this firmware; None: SCS, or one that nobody has described."""
+        """The table of this firmware; None: SCS, or an unknown one."""
         if self.big_endian:
             return None
         if self.major == 3:

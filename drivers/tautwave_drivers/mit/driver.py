@@ -245,7 +245,7 @@ class MitDriver(DriverBase):
         return found
 
     def _hear_other(self, axis: Axis, data: bytes) -> None:
-        """Take what came on the id of a motor's feedback and is none."""
+        """Take a frame on the id of a motor's feedback that is not feedback."""
         about = len(data) == 8 and damiao.is_parameter(data)
         axis.miss(ABOUT_REGISTERS if about else OF_ANOTHER)
         if self._enabling is not None and not self._on:

@@ -46,7 +46,7 @@ class Quirks(_Keys):
     error: Annotated[int, Field(ge=8, le=15)] = 8
     """A state: 8 over-voltage, 9 under-voltage, 10 over-current, 11, 12 too hot, 14 overload."""
     derates_at_s: AtSeconds | None = None
-    """From then on it gives no more torque than `derated_to`, and says nothing of it."""
+    """From then on it gives no more torque than `derated_to`, without reporting it."""
     derated_to: Annotated[float, Field(ge=0.0)] = 0.0
     """[N m] See `derates_at_s`."""
     heat: Annotated[float, Field(ge=0.0)] = 1.0

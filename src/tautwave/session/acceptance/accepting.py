@@ -74,7 +74,7 @@ def accept(asked: Acceptance, talk: Conversation, *, out: Path, ways: Ways) -> A
     Raises
     ------
     TautwaveError
-        The rig is refused, no device could be asked anything, or nobody answers.
+        The rig is refused, no device could be asked anything, or none answers.
     """
     rig = load_rig(asked.rig)
     unknown = [name for name in asked.axes if name not in rig.axes]
