@@ -415,6 +415,9 @@ class FeetechDriver(DriverBase):
     def _again(self) -> ServoLine:
         """Return the line, opened anew if it was lost."""
         if self._lost and self._transport is None and self._port is not None:
+            if self._keeper is not None:  # it has the line open, exclusively, as long as it lives
+                self._keeper.end(stop=True)
+                self._keeper = None
             self._port.close()
             echoes = self._port.echoes
             self._connect()

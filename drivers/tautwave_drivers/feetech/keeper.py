@@ -80,10 +80,11 @@ class Keeper:
         with contextlib.suppress(OSError):
             os.write(self._pipe, REST)
 
-    def end(self) -> None:
-        """End it, with nothing sent."""
-        with contextlib.suppress(OSError):
-            os.write(self._pipe, END)
+    def end(self, stop: bool = False) -> None:
+        """End it, with nothing sent; or with what stops all servos, as if the run were gone."""
+        if not stop:
+            with contextlib.suppress(OSError):
+                os.write(self._pipe, END)
         assert self._child.stdin is not None
         with contextlib.suppress(OSError):
             self._child.stdin.close()

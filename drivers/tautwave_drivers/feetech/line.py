@@ -7,13 +7,12 @@ from tautwave.errors import DriverError
 from tautwave_drivers import protocol1
 from tautwave_drivers.echo import Unechoed
 from tautwave_drivers.feetech.tables import Register
+from tautwave_drivers.patience import SPARE, Patience
 from tautwave_drivers.protocol1 import BROADCAST, Status
 
 RESPONSE_S = 0.02
 """Beyond wire time and latency: the longest return delay is 0.5 ms, the rest is the host."""
 TRIES = 3
-SPARE = 5
-"""More tries, of those in which this host itself came late: they do not count against the servo."""
 LISTEN_NS = 100_000_000
 """A master that moves servos speaks ten times a second at least."""
 PING_NS = 150_000_000
@@ -58,6 +57,7 @@ class ServoLine:
         self._clock = clock
         self._byte_ns = round(BITS_PER_BYTE * 1e9 / baud)
         self._timeout_ns = round(1e9 * (latency_s + timeout_s))
+        self._patience = Patience()
         self.garbled = False
 
     def find_echo(self) -> None:
@@ -121,18 +121,32 @@ class ServoLine:
 
     def _transact(self, device_id: int, request: bytes, size: int, tries: int) -> Status | None:
         spare = SPARE
+        first_ns = self._clock.now_ns()
         while tries:
             self._port.read()
+            sent_ns = self._clock.now_ns()
             self._port.write(request)
-            until = self._until(request, size)
+            until = self._until(request, size) + self._patience.more_ns
             found = self._await(device_id, until, size)
             if found is not None:
+                if sent_ns > first_ns:
+                    self._let_pass(sent_ns - first_ns)
                 return found
-            if 2 * (self._clock.now_ns() - until) > self._timeout_ns and spare:
+            if self._patience.note(self._clock.now_ns() - until, self._timeout_ns) and spare:
                 spare -= 1  # the host came late, not the servo
             else:
                 tries -= 1
         return None
+
+    def _let_pass(self, after_ns: int) -> None:
+        """Drop the answers that are still to come to a request that was sent more than once.
+
+        The one that came may be the first request's. That of the last one, so much later, would
+        look like an answer to a read of another register.
+        """
+        until = self._clock.now_ns() + after_ns + self._timeout_ns // 2
+        while self._clock.wait(self._port, until):
+            self._port.read()
 
     def _await(self, device_id: int, until_ns: int, size: int) -> Status | None:
         """Return one servo's answer of this size; one of another length answers something else."""

@@ -15,8 +15,11 @@ from pathlib import Path
 import pytest
 
 from tautwave.clock import MonotonicClock
+from tautwave.errors import DriverError
+from tautwave_drivers.feetech import FeetechDriver
 from tautwave_drivers.feetech.keeper import Keeper
 from tautwave_drivers.feetech.leaving import stop_packet
+from tests.drivers.feetech.benches import block, bus_of, driver_options, servo
 from tests.foreign.feetech_line import Line, Servo
 from tests.foreign.served import on_pty
 
@@ -86,6 +89,26 @@ def test_a_run_that_is_halted_is_switched_off(tmp_path: Path) -> None:
         child.send_signal(signal.SIGTERM)
 
 
+def test_a_line_that_was_lost_is_opened_anew_and_all_are_switched_off() -> None:
+    """The process beside the run has it open too, which would keep it from being opened."""
+    clock = MonotonicClock()
+    line = Line(clock, Servo(1), Servo(2))
+    for one in line.servos:
+        one.now_ns = clock.now_ns()
+    with on_pty(line) as path:
+        options = block(servo(1), servo(2), port=path, host_watchdog_s=5.0)
+        driver = FeetechDriver(driver_options(options), bus_of(options, 40.0), clock, None)
+        driver.open()
+        try:
+            until(driver.enable_step)
+            assert not off(line)
+            driver._lose(DriverError("the line was lost"))
+        finally:
+            driver.close()
+        assert not driver.unconfirmed
+        assert off(line)
+
+
 def keeper(limit_s: float) -> tuple[Keeper, int]:
     """Return a keeper and the other end of its line."""
     ours, theirs = os.openpty()
@@ -127,6 +150,14 @@ def test_it_stops_all_once_it_is_not_fed_any_more() -> None:
 
     until(stopped)
     made.end()
+    os.close(end)
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_its_end_stops_all_only_where_that_is_asked_for(stop: bool) -> None:
+    made, end = keeper(0.05)
+    made.end(stop)
+    assert heard(end) == (2 * STOP if stop else b"")
     os.close(end)
 
 
