@@ -158,7 +158,8 @@ class Axis:
         as a candidate: if another follows, it was old; if none does, the missing one is lost. At
         any other time, or after several missing ones, it is not used at all: a cycle without SYNC
         has to show which are still on their way.
-        (A delay of one period, within some 30 us, that sets in while running looks like a loss.)
+        (A delay of one period, within some 30 us, that sets in while running looks like a loss; one
+        of ten, since what a cycle without SYNC lacks is then missing in the next such cycle.)
         """
         if len(data) < self._size:
             self.short += 1

@@ -79,11 +79,11 @@ class Exchange:
 
     def drain(self) -> None:
         """Take in the frames left over from the last cycle; they belong to no later SYNC."""
-        port, by_tpdo, health = self.port, self._by_tpdo, self._health
+        by_tpdo, health = self._by_tpdo, self._health
+        # After a cycle without SYNC nothing may be left: that nothing came clears the drives.
+        receive = self._arrived if self._quiet else self.port.receive
         try:
-            if self._quiet:
-                self._clock.wait(port, self._now())  # runs a simulated bus up to now
-            while (frame := port.receive()) is not None:
+            while (frame := receive()) is not None:
                 health.received += 1
                 axis = by_tpdo.get(frame[0])
                 if axis is None:
@@ -97,6 +97,16 @@ class Exchange:
         if self._sync:
             for axis in self._axes:
                 axis.fresh = False
+
+    def _arrived(self) -> tuple[int, bytes, int] | None:
+        """Return the next frame that has arrived by now, None if there is none.
+
+        A clock runs a simulated bus only to its next frame, so it is asked before every one.
+        """
+        frame = self.port.receive()
+        if frame is None and self._clock.wait(self.port, self._now()):
+            frame = self.port.receive()
+        return frame
 
     def begin(self) -> None:
         """Begin a cycle: SYNC, and now and then a heartbeat and a read of the mode."""
