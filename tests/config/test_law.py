@@ -114,3 +114,30 @@ def test_what_it_takes_over_a_long_line_is_certified(delay: float) -> None:
 def test_a_misspelt_auto_is_recognised() -> None:
     with pytest.raises(ConfigError, match="unknown law 'autoo'; did you mean 'auto'"):
         first("coupling.law=autoo")
+
+
+@pytest.mark.parametrize("side", ["master", "slave"])
+def test_where_only_law_wave_is_certified_it_is_law_wave(side: str) -> None:
+    slow = (LATE, f"{side}.axes.lever.effort_rate_limit=5", "coupling.engage_ramp_s=0.3")
+    named = first("coupling.law=mediated", "coupling.account={}", *slow)
+    assert not certify(named).passed
+    rig = first(LAW, *slow)
+    assert certify(rig).passed
+    assert rig == first(*slow)
+    assert rig.choices == first(*slow).choices
+    assert rig.law is not None
+    assert rig.law.value == "wave"
+    assert rig.law.reason.endswith("law mediated follows closer, but is not certified for this rig")
+    assert parse_rig(resolved_yaml(rig)) == rig
+
+
+def test_where_neither_is_certified_it_stays_what_the_delay_asks_for() -> None:
+    wall = "coupling.pairs.lever.wall_slave={position: 0.5, stiffness: 50, damping: 0.1}"
+    assert not certify(first(LATE, wall)).passed
+    assert first(LAW, LATE, wall).coupling.law == "mediated"
+
+
+def test_an_account_that_is_set_to_nothing_is_one_with_its_defaults() -> None:
+    rig = first(LAW, LATE, "coupling.account=null")
+    assert rig == first(LAW, LATE)
+    assert certify(rig).passed

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
+from tautwave import registry
 from tautwave.config.keys.common import AUTO
-from tautwave.config.keys.coupling import STANDARD_LAW, AnyPair
+from tautwave.config.keys.coupling import STANDARD_LAW, AnyLaw, AnyPair, coupling_block
+from tautwave.config.keys.rig import Rig
 from tautwave.config.text.document import Document
 from tautwave.types import Choice
 
@@ -18,6 +20,9 @@ LATE_LAW = "mediated"
 
 SLOWEST_HZ = 500.0
 """Rate below which its estimate of a contact takes longer than a hand's press."""
+
+CERTIFY = "tautwave.certificate:certify"
+"""Judges a whole rig; by name, since it imports this package."""
 
 SHARED = frozenset(AnyPair.model_fields)
 """Keys that pairs of all laws have."""
@@ -41,22 +46,50 @@ def choose_law(document: Document) -> Choice | None:
     if not isinstance(delay, int | float) or delay <= PROMPT_S:
         why = f"{STANDARD_LAW}: up to {prompt} no other follows much closer, and forces are exact"
         return Choice(STANDARD_LAW, why)
-    over = f"over {1e3 * delay:g} ms"
     missing = next(_missing(document, coupling), "")
     if missing:
-        why = (
-            f"{STANDARD_LAW}, which {over} costs F tau / b between the devices and b tau of "
-            f"inertia in the hand (below); law {LATE_LAW} follows closer, but {missing}"
-        )
-        return Choice(STANDARD_LAW, why)
+        return _costly(delay, missing)
     coupling["law"] = LATE_LAW
-    coupling.setdefault("account", {})
+    if coupling.get("account") is None:
+        coupling["account"] = {}
     why = (
-        f"{LATE_LAW}, in an account: {over} it follows and renders contacts as without a delay. A "
-        "first contact is felt two delays late, and a hold is as long as `held force` says; law "
-        f"{STANDARD_LAW} holds forces exactly, F tau / b apart"
+        f"{LATE_LAW}, in an account: over {1e3 * delay:g} ms it follows and renders contacts as "
+        "without a delay. A first contact is felt two delays late, and a hold is as long as "
+        f"`held force` says; law {STANDARD_LAW} holds forces exactly, F tau / b apart"
     )
     return Choice(LATE_LAW, why)
+
+
+def certified_law(rig: Rig, choose_keys: Callable[[Rig], Rig]) -> Rig:
+    """Return a rig whose law was chosen, with law wave where only that one is certified.
+
+    `choose_keys` gives a rig a value for each key that is left to its law, as `rig` has already.
+    """
+    if rig.law is None or rig.law.value != LATE_LAW:
+        return rig
+    certify = registry.load_named(CERTIFY)
+    certificate = certify(rig, brief=True)
+    if certificate.passed:
+        return rig
+    law = coupling_block(STANDARD_LAW)
+    shared = rig.coupling.model_dump(include=set(AnyLaw.model_fields) - {"law", "account", "pairs"})
+    pairs = {
+        name: pair.model_dump(include=set(SHARED)) for name, pair in rig.coupling.pairs.items()
+    }
+    coupling = law.model_validate({**shared, "law": STANDARD_LAW, "pairs": pairs})
+    other = choose_keys(rig.model_copy(update={"coupling": coupling}))
+    if not certify(other, brief=True).passed:
+        return rig
+    return other.with_law(_costly(rig.coupling.delay_s, "is not certified for this rig"))
+
+
+def _costly(delay: float, but: str) -> Choice:
+    """Return law wave over a delay [s] for which another would be chosen, but for one thing."""
+    why = (
+        f"{STANDARD_LAW}, which over {1e3 * delay:g} ms costs F tau / b between the devices and "
+        f"b tau of inertia in the hand (below); law {LATE_LAW} follows closer, but {but}"
+    )
+    return Choice(STANDARD_LAW, why)
 
 
 def _missing(document: Document, coupling: dict[str, Any]) -> Iterator[str]:

@@ -18,7 +18,7 @@ from tautwave.config.inputs.file_parts import name_file_parts, name_option_files
 from tautwave.config.inputs.joints import order_axes
 from tautwave.config.keys.common import AUTO, GREATEST, LEAST, outsized
 from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
-from tautwave.config.law import choose_law
+from tautwave.config.law import certified_law, choose_law
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
 from tautwave.config.pieces import take_apart
@@ -126,7 +126,7 @@ def finish_rig(
     if law is not None:
         rig = rig.with_law(law)
     try:
-        return choose_keys(rig) if choose else rig
+        return certified_law(choose_keys(rig), choose_keys) if choose else rig
     except UnchosenKeyError as err:
         raise ConfigError(f"{document.where(err.path)}: {err}") from err
 
