@@ -7,6 +7,8 @@ indefinitely.
 
 from __future__ import annotations
 
+from tautwave.contracts import BytePort, Clock
+
 LATER = 4
 """A host waits this many times its own lateness for a response, beyond the time-out."""
 SLOWEST_NS = 500_000_000
@@ -30,3 +32,23 @@ class Patience:
         """Take by how much this host was late when a wait ended; return whether that is much."""
         self._late_ns = max(self._late_ns, late_ns)
         return 2 * late_ns > timeout_ns
+
+
+def let_pass(port: BytePort, clock: Clock, span_ns: int) -> None:
+    """Drop the answers that still come to a request that was sent more than once.
+
+    The one that came may be the first request's. That of the last one would look like an answer to
+    a read of another register.
+
+    Parameters
+    ----------
+    port : BytePort
+        The line; raises what it does.
+    clock : Clock
+        What waits.
+    span_ns : int
+        [ns] From the first request to the last, and what a response may vary by.
+    """
+    until_ns = clock.now_ns() + span_ns
+    while clock.wait(port, until_ns):
+        port.read()

@@ -7,7 +7,7 @@ from tautwave.errors import DriverError
 from tautwave_drivers import protocol1
 from tautwave_drivers.echo import Unechoed
 from tautwave_drivers.feetech.tables import Register
-from tautwave_drivers.patience import SPARE, Patience
+from tautwave_drivers.patience import SPARE, Patience, let_pass
 from tautwave_drivers.protocol1 import BROADCAST, Status
 
 RESPONSE_S = 0.02
@@ -130,23 +130,14 @@ class ServoLine:
             found = self._await(device_id, until, size)
             if found is not None:
                 if sent_ns > first_ns:
-                    self._let_pass(sent_ns - first_ns)
+                    span_ns = sent_ns - first_ns + self._timeout_ns // 2
+                    let_pass(self._port, self._clock, span_ns)
                 return found
             if self._patience.note(self._clock.now_ns() - until, self._timeout_ns) and spare:
                 spare -= 1  # the host came late, not the servo
             else:
                 tries -= 1
         return None
-
-    def _let_pass(self, after_ns: int) -> None:
-        """Drop the answers that are still to come to a request that was sent more than once.
-
-        The one that came may be the first request's. That of the last one, so much later, would
-        look like an answer to a read of another register.
-        """
-        until = self._clock.now_ns() + after_ns + self._timeout_ns // 2
-        while self._clock.wait(self._port, until):
-            self._port.read()
 
     def _await(self, device_id: int, until_ns: int, size: int) -> Status | None:
         """Return one servo's answer of this size; one of another length answers something else."""

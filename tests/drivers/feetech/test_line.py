@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tautwave.clock import FakeClock
+from tautwave_drivers.dynamixel.line.transactions import PacketLine
+from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.echo import Unechoed
 from tautwave_drivers.feetech import tables
 from tautwave_drivers.feetech.line import RESPONSE_S, ServoLine
@@ -13,6 +15,9 @@ from tests.drivers.test_late_host import host_late
 
 MS = 1_000_000
 HELD = {tables.TORQUE: 1, tables.STATUS: 0, tables.TEMPERATURE: 33, tables.VOLTAGE: 74}
+
+
+HELD_2 = {64: 1, 70: 0, 146: 33}
 
 
 class LateServo:
@@ -39,7 +44,11 @@ class LateServo:
         return found
 
     def write(self, data: bytes) -> None:
-        if data[4] == READ:
+        if data[2:4] == b"\xfd\0":  # protocol 2.0: address at byte 8
+            value = bytes((HELD_2[data[8]],))
+            answer = packet.build(data[4], packet.STATUS, b"\0" + value)
+            self._answers.append((self._clock.now_ns() + self._after_ns, answer))
+        elif data[4] == READ:
             values = {register.address: value for register, value in HELD.items()}
             body = bytes((data[2], 3, 0, values[data[5]]))
             answer = b"\xff\xff" + body + bytes((checksum(body),))
@@ -47,6 +56,16 @@ class LateServo:
 
     def close(self) -> None:
         """Nothing to close."""
+
+
+@pytest.mark.parametrize("after_ms", [0, 25, 31, 45, 59, 61, 80, 89])
+def test_nor_is_that_of_a_dynamixel(after_ms: int) -> None:
+    clock = FakeClock()
+    line = PacketLine(LateServo(clock, MS * after_ms), clock, 1_000_000)
+    for address in (*HELD_2, *HELD_2):
+        found = line.read(1, address, 1)
+        assert found is not None
+        assert found.data[0] == HELD_2[address], address
 
 
 def line_of(after_ms: int) -> ServoLine:

@@ -13,7 +13,7 @@ from tautwave.contracts import BytePort, Clock
 from tautwave_drivers import protocol1
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.packet import Packet
-from tautwave_drivers.patience import SPARE, Patience
+from tautwave_drivers.patience import SPARE, Patience, let_pass
 
 RESPONSE_S = 0.03
 """Beyond wire time and the adapter's latency timer: the longest return delay is 0.5 ms, the rest
@@ -114,14 +114,19 @@ class PacketLine:
         self, device_id: int, request: bytes, size: int, limit_ns: int | None = None
     ) -> Response | None:
         tries, spare = (1, 0) if limit_ns is not None else (TRIES, SPARE)
+        first_ns = self._clock.now_ns()
         while tries:
             self._port.read()
+            sent_ns = self._clock.now_ns()
             self._port.write(request)
             wire_ns = (len(request) + 11 + size) * self._byte_ns
             wait_ns = wire_ns + self._timeout_ns + self._patience.more_ns
             until = limit_ns or self._clock.now_ns() + wait_ns
             found = _await(self._port, self._clock, device_id, until, packet.take_packet, size)
             if found is not None:
+                if sent_ns > first_ns:
+                    span_ns = sent_ns - first_ns + self._timeout_ns // 2
+                    let_pass(self._port, self._clock, span_ns)
                 return Response(found.error, found.data)
             late = self._patience.note(self._clock.now_ns() - until, self._timeout_ns)
             if late and spare:
