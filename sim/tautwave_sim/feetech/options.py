@@ -7,73 +7,39 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tautwave_sim.feetech.tables import MODELS, SIZE
-from tautwave_sim.wire.serial_faults import LINE_KINDS, PACKET_KINDS, Event
+from tautwave_sim.wire.serial_faults import LINE_KINDS, PACKET_KINDS
+from tautwave_sim.wire.serial_options import (
+    STRICT,
+    DeviceId,
+    PacketKind,
+    SerialEvent,
+    SerialFaults,
+)
 
-STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 # The driver's model of the same block is the strict one; what only it needs passes here.
 LENIENT = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
 
-Chance = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
-DeviceId = Annotated[int, Field(ge=0, le=253)]
 Listed = Field(strict=False)
 """JSON has text for the keys of a mapping."""
 
-PacketKind = Literal["lost", "late", "truncated", "corrupted", "wrong_id", "extra_bytes", "deaf"]
 MomentKind = Literal[
     "input_voltage", "encoder", "overheat", "over_current", "overload", "power_cycle",
     "unplug", "replug", "remove", "restore",
 ]  # fmt: skip
 
 
-class EventOptions(BaseModel):
+class EventOptions(SerialEvent):
     """One scripted fault: of a packet, or at a moment."""
 
-    model_config = STRICT
-
     kind: PacketKind | MomentKind
-    at_s: NotNegative | None = None
-    """[s] After slot 0; a packet fault hits the first packet from then on."""
-    nth: Annotated[int, Field(ge=1)] | None = None
-    """The answer with this number; for `deaf` the instruction."""
-    id: DeviceId | None = None
-    """The servo; not given: any, or all."""
-
-    @model_validator(mode="after")
-    def _when(self) -> EventOptions:
-        packet = self.kind in PACKET_KINDS
-        if not packet and (self.at_s is None or self.nth is not None):
-            raise ValueError(f"{self.kind} happens at a moment: give at_s, and no nth")
-        if packet and self.at_s is None and self.nth is None:
-            raise ValueError(f"{self.kind} happens to a packet: give nth or at_s")
-        return self
-
-    def event(self) -> Event:
-        """Return it as plain data."""
-        return Event(self.kind, self.at_s, self.nth, self.id)
 
 
-class FaultOptions(BaseModel):
-    """Chances per answer (`deaf`: per instruction and servo), and the script."""
+class FaultOptions(SerialFaults):
+    """Chances per response (`deaf`: per instruction and servo), and the script."""
 
-    model_config = STRICT
-
-    seed: Annotated[int, Field(ge=0)] = 0
-    lost: Chance = 0.0
-    late: Chance = 0.0
-    truncated: Chance = 0.0
-    corrupted: Chance = 0.0
-    wrong_id: Chance = 0.0
-    extra_bytes: Chance = 0.0
-    deaf: Chance = 0.0
-    late_s: Positive = 0.005
-    """[s] How late a late answer is."""
-    events: list[EventOptions] = []
-
-    def chances(self) -> dict[str, float]:
-        """Return the probability of each kind."""
-        return {kind: float(getattr(self, kind)) for kind in PACKET_KINDS}
+    events: list[EventOptions] = Field(default=[])
 
 
 class Quirks(BaseModel):
