@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.contracts import Row
+from tautwave.controller.records import AxisState
 from tautwave.couplings.account.claim import held_facts
+from tautwave.couplings.account.records import AccountEnd
+from tautwave.couplings.account.steps import ACCOUNT_ASTRAY, watch_debt
 from tautwave.errors import SafetyStop
-from tautwave.laws.account import CALM_SHARE, AccountParams, is_apart, lets_go
+from tautwave.laws.account import APART_S, CALM_SHARE, AccountParams, is_apart, lets_go
 from tautwave.rig import Assembly, build_rig
 from tautwave.runtime.control import Control
 from tautwave.runtime.loop import Loop
@@ -118,6 +123,20 @@ def test_what_stands_apart_is_cut_steadily() -> None:
     assert not is_apart(P, 100 * 2.0, 100 * 0.9)
     assert not is_apart(P, 100 * 0.1, -100 * 0.3)  # nobody felt that
     assert is_apart(P, 100 * 0.1, -100 * 0.5)
+
+
+@pytest.mark.parametrize(("passed", "said"), [(60.0, 30.0), (0.0, 0.0), (-100.0, 0.0)])
+def test_what_passes_of_a_steady_effort_is_never_said_to_be_less_than_nothing(
+    passed: float, said: float
+) -> None:
+    end = AccountEnd(pull=200.0, cut=200.0 - passed)
+    axis = AxisState(end=SimpleNamespace(account=end))
+    for _ in range(APART_S + 1):
+        assert axis.alarm == 0
+        watch_debt(axis, P)
+    assert axis.alarm == ACCOUNT_ASTRAY
+    assert axis.found == pytest.approx(said)
+    assert axis.allowed == pytest.approx(2.0)
 
 
 @pytest.mark.slow

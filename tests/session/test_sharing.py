@@ -294,6 +294,15 @@ def test_a_scale_unlike_the_drives_own_file_leaves_a_file_that_names_nobody(tmp_
     assert "motor rated torque is 777" in check["measured"]["said"]
 
 
+@pytest.mark.parametrize("lines", [3, [3], "0.1 a > FF", {"0.1 a > FF": 1}])
+def test_traffic_that_is_no_lines_is_refused_in_a_sentence(tmp_path: Path, lines: Any) -> None:
+    target = tmp_path / "drives.json"
+    found = shared(made(tmp_path / "made"))
+    target.write_text(text_of(found.model_copy(update={"stages": {"hand": {"traffic": lines}}})))
+    with pytest.raises(ConfigError, match="traffic of stage 'hand' is no list of lines of text"):
+        read_traffic(target)
+
+
 @pytest.mark.slow
 @pytest.mark.realtime
 def test_a_walk_ends_in_a_file_that_shows_its_fault_at_a_glance(tmp_path: Path) -> None:

@@ -249,6 +249,8 @@ def read_traffic(path: Path, stage: str | None = None) -> tuple[list[Event], dic
             )
         chosen = stage or (having[-1] if having else "")
         lines = found.stages[chosen]["traffic"] if chosen else []
+        if not (isinstance(lines, list) and all(isinstance(line, str) for line in lines)):
+            raise ConfigError(f"{path}: traffic of stage {chosen!r} is no list of lines of text")
         events, rig = parse_lines(lines, str(path), sent_by_hosts), found.rig
     if not events:
         raise ConfigError(f"{path}: has no traffic")

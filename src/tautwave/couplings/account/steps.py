@@ -300,7 +300,9 @@ def watch_debt(s: AxisState, k: AccountParams) -> None:
     e.apart += 1
     if e.apart > APART_S and s.alarm == 0:
         s.alarm = ACCOUNT_ASTRAY
-        s.found = 100.0 * (1.0 - cut / math.fabs(e.pull)) if e.pull != 0.0 else 0.0
+        s.found = 0.0  # also of a swing that is cut by more than it asks for on average
+        if cut < math.fabs(e.pull):
+            s.found = 100.0 * (1.0 - cut / math.fabs(e.pull))
         s.allowed = math.fabs(e.pull) / k.window
 
 
