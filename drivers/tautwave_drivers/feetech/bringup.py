@@ -151,7 +151,7 @@ class Bringup:
             )
         if identity.model != servo.model.number:
             raise DriverError(
-                f"{where}: is a {name} (model {identity.model}), but the rig states "
+                f"{where}: reports {name} (model {identity.model}), but the rig states "
                 f"{servo.model.name}; correct options.servos, or replace the servo"
             )
         if (identity.table is tables.HLS) != (servo.table is tables.HLS):

@@ -44,7 +44,7 @@ def other_supply(rig: Rig) -> None:
 
 
 REFUSED: dict[str, tuple[str, dict[str, Any], Callable[[Rig], None] | None, str]] = {
-    "another model": ("HLS", {"registers": {4: 14}}, None, "is a unknown model 10.14"),
+    "another model": ("HLS", {"registers": {4: 14}}, None, "reports unknown model 10.14 (model "),
     "firmware of the other table": (
         "HLS", {"registers": {1: 10}}, None, "firmware 3.10 has the table of STS",
     ),
