@@ -120,7 +120,11 @@ def test_a_misspelt_auto_is_recognised() -> None:
 def test_where_only_law_wave_is_certified_it_is_law_wave(side: str) -> None:
     slow = (LATE, f"{side}.axes.lever.effort_rate_limit=5", "coupling.engage_ramp_s=0.3")
     named = first("coupling.law=mediated", "coupling.account={}", *slow)
-    assert not certify(named).passed
+    refused = certify(named)
+    assert not refused.passed
+    said = " ".join(refused.as_dict()["sentences"])
+    assert "; give the actual limits of device and motor" in said
+    assert "wave_impedance" not in said
     rig = first(LAW, *slow)
     assert certify(rig).passed
     assert rig == first(*slow)

@@ -53,7 +53,7 @@ def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
         return Judged()
     prompt, once, stall = claim.prompt(rig.claimed_s), claim.at_once(), claim.let_go
     if refusal := prompt_refusal(once, most):
-        return Judged(f"{refusal}; {less_at_once(claim)}")
+        return Judged(f"{refusal}; {less_at_once(rig, axis_name, claim)}")
     if refusal := stall_refusal(rig, axis_name, claim):
         return Judged(refusal)
     found = []
@@ -127,7 +127,7 @@ def prompt_cause(claim: Claim, seconds: float) -> str:
     return max(parts, key=lambda words: parts[words])
 
 
-def less_at_once(claim: Claim) -> str:
+def less_at_once(rig: Rig, axis_name: str, claim: Claim) -> str:
     """Return what makes the claim of a prompt host one that is not refused, in words.
 
     One limit of the axis, where that is enough, with the value from which on it is.
@@ -144,7 +144,9 @@ def less_at_once(claim: Claim) -> str:
         while claim._replace(effort=effort).at_once() > most:
             effort /= 1.5
         return f"effort_limit of {0.9 * effort:.2g} or less would do"
-    return "lower wave_impedance, and give the actual limits of device and motor"
+    limits = "give the actual limits of device and motor"
+    keys = rig.coupling.pairs[axis_name.partition(".")[2]]
+    return f"lower wave_impedance, and {limits}" if hasattr(keys, "wave_impedance") else limits
 
 
 def lowering_key(rig: Rig, axis_name: str, claim: Claim) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.config import Rig, parse_rig
+from tautwave.config.keys.coupling import STANDARD_LAW
 from tautwave.errors import ConfigError
 from tautwave.registry import coupling_messages
 from tautwave.report.figures.envelope import Floats
@@ -221,7 +222,8 @@ def delay_of(run: Run, pair: str) -> float:
 def law_wording(run: Run) -> CouplingMessages:
     """The messages of the run's coupling; the default ones if it is not installed here."""
     try:
-        return coupling_messages(str(block(run.rig, "coupling").get("law", "wave")))
+        law = block(run.rig, "coupling").get("law", STANDARD_LAW)
+        return coupling_messages(str(law))
     except ConfigError:
         return CouplingMessages()
 
