@@ -76,8 +76,12 @@ def test_over_a_longer_line_it_is_law_mediated_in_an_account() -> None:
 @pytest.mark.parametrize(
     ("settings", "missing"),
     [
-        (["coupling.pairs.lever.wave_impedance=0.05"], "has no wave_impedance"),
-        (["coupling.defaults={pole_slave: 0.3}"], "has no pole_slave"),
+        (
+            ["coupling.pairs.lever.wave_impedance=0.05"],
+            "is not chosen for a pair with wave_impedance",
+        ),
+        (["coupling.defaults={pole_slave: 0.3}"], "is not chosen for a pair with pole_slave"),
+        (["coupling.pairs.lever.force_gain=0.5"], "is not chosen for a pair with force_gain"),
         (["require=coupled_stable"], "is not certified as coupled_stable"),
         (["buses.bench.divisor=2"], "needs both sides at the same rate"),
         (

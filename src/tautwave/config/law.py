@@ -106,7 +106,7 @@ def _missing(document: Document, coupling: dict[str, Any]) -> Iterator[str]:
     for pair in _blocks(coupling.get("pairs")):
         own = sorted(set(pair) - SHARED)
         if own:
-            yield f"has no {own[0]}"
+            yield f"is not chosen for a pair with {own[0]}"
     for bus in _blocks(document.get(("buses",))):
         if bus.get("divisor", 1) != 1:
             yield "needs both sides at the same rate"
