@@ -18,9 +18,10 @@ class JointState(NamedTuple):
     """What a driver measured on one axis.
 
     `position` [rad or m]; `velocity` [rad/s or m/s] and `effort` [N m or N] are NaN where the
-    device does not measure them. `effort` is the external force (hand, environment) on the device,
-    positive along `position`. `valid` is False when no fresh sample came in this cycle; the numbers
-    are then not to be used. `age_ns` is the time since the sample.
+    device does not measure them. No law takes the velocity: they rest on differences of positions.
+    `effort` is the external force (hand, environment) on the device, positive along `position`.
+    `valid` is False when no fresh sample came in this cycle; the numbers are then not to be used.
+    `age_ns` is the time since the sample.
     """
 
     position: float

@@ -2,6 +2,7 @@
 
 from tests.lab.command import lab
 from tests.lab.feel import feel
+from tests.lab.measured_velocity import measured_velocity
 from tests.lab.motor_walls import motor_walls
 from tests.lab.papers.command import papers
 from tests.lab.recovery import recovery
@@ -12,6 +13,7 @@ from tests.lab.strangers.shares import shares
 from tests.lab.waiting import waiting
 
 lab.add_command(feel)
+lab.add_command(measured_velocity)
 lab.add_command(motor_walls)
 lab.add_command(papers)
 lab.add_command(recovery)
