@@ -77,11 +77,11 @@ def draw_alone(directory: Path) -> int:
     try:
         draw(load_run(directory))
     except Exception as err:  # noqa: BLE001  a traceback of this process is not seen
-        said = str(err) if isinstance(err, TautwaveError) else f"{type(err).__name__}: {err}"
+        reason = str(err) if isinstance(err, TautwaveError) else f"{type(err).__name__}: {err}"
         with suppress(TautwaveError):  # the directory was removed, or is full
             summary, _ = read_summary(directory)
             full = isinstance(err, WritingError)
-            write_summary(directory, with_unwritten_report(summary, said, full))
+            write_summary(directory, with_unwritten_report(summary, reason, full))
         return 1
     return 0
 

@@ -79,7 +79,7 @@ def mapped_columns(
         There is no such column, or none that fits.
     """
     theirs = column_names(file, stated)
-    found: dict[str, Column] = {}
+    mapped: dict[str, Column] = {}
     for text in given:
         match = _MAPPED.fullmatch(text)
         if match is None:
@@ -94,19 +94,19 @@ def mapped_columns(
                     f"--map {text}: {whose} has no column {name!r}; it has "
                     f"{', '.join(list(known)[:20])}{', ...' if len(known) > 20 else ''}"
                 )
-        found[match["ours"]] = match["theirs"], factor
-    if not found:
-        found = _by_names(run, theirs)
-    if not found:
+        mapped[match["ours"]] = match["theirs"], factor
+    if not mapped:
+        mapped = _by_names(run, theirs)
+    if not mapped:
         raise ConfigError(
             f"{file}: no column is named as a position or command of master or slave; assign them "
             f"with --map OURS=THEIRS (columns: {', '.join(theirs[:20]) or 'none'})"
         )
-    return found
+    return mapped
 
 
 def _by_names(run: Run, theirs: Sequence[str]) -> dict[str, Column]:
-    found: dict[str, Column] = {}
+    by_name: dict[str, Column] = {}
     wanted = [
         (side, pair, what)
         for pair in run.pairs
@@ -118,7 +118,7 @@ def _by_names(run: Run, theirs: Sequence[str]) -> dict[str, Column]:
         if ours not in run.columns:
             continue
         if ours in theirs:
-            found[ours] = ours, 1.0
+            by_name[ours] = ours, 1.0
             continue
         able = [
             name
@@ -130,8 +130,8 @@ def _by_names(run: Run, theirs: Sequence[str]) -> dict[str, Column]:
         if len(run.pairs) > 1:
             able = [name for name in able if pair in name]
         if len(able) == 1:
-            found[ours] = able[0], 1.0
-    return found
+            by_name[ours] = able[0], 1.0
+    return by_name
 
 
 def compare_recording(
@@ -182,12 +182,12 @@ def compare_recording(
             f"{times[-1]:.4g} s and between --from and --to"
         )
     now = now[inside]
-    found = []
+    compared = []
     values: dict[str, tuple[Array, Array]] = {}
     for ours, (theirs, factor) in columns.items():
         recorded = factor * np.asarray(resample(times, read[theirs][good], now), dtype=np.float64)
         values[ours] = recorded, run.read(ours)[ours][inside]
-        found.append(Compared(ours, _unit(run, ours), now, *values[ours]))
+        compared.append(Compared(ours, _unit(run, ours), now, *values[ours]))
     for pair in run.pairs:
         both = [f"{side}.{pair}.position" for side in ("master", "slave")]
         if all(name in values for name in both):
@@ -196,8 +196,8 @@ def compare_recording(
                 values[both[0]][which] - values[both[1]][which] / gain for which in (0, 1)
             )
             unit = units_of(run, pair)[0]
-            found.append(Compared(f"{pair}.position_error", unit, now, recorded, ours_))
-    return found
+            compared.append(Compared(f"{pair}.position_error", unit, now, recorded, ours_))
+    return compared
 
 
 def _gain(run: Run, pair: str) -> float:

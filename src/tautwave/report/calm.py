@@ -21,10 +21,10 @@ def worst_share(shares: Mapping[Side, float | None]) -> tuple[str, float] | None
 
 def high_frequency_share(shares: Mapping[Side, float | None], pair: str) -> str:
     """Return a sentence on a pair that buzzes, "" where it is calm."""
-    found = worst_share(shares)
-    if found is None or found[1] <= CHATTER_THRESHOLD:
+    worst = worst_share(shares)
+    if worst is None or worst[1] <= CHATTER_THRESHOLD:
         return ""
     return (
-        f"{pair}: not calm: {100.0 * found[1]:.0f} % of the {found[0]}'s motion power is above "
+        f"{pair}: not calm: {100.0 * worst[1]:.0f} % of the {worst[0]}'s motion power is above "
         f"{VOLUNTARY_HZ:g} Hz, faster than voluntary hand motion."
     )

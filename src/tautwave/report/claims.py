@@ -49,10 +49,10 @@ def claims_sentence(ends: list[Kept]) -> str:
     Both are as its encoder saw it.
     """
     worst = max(ends, key=lambda end: (end.given - end.blow) / max(end.claim, 1e-300))
-    given, claim = quantity(worst.given - worst.blow, "J", 3), quantity(worst.claim, "J", 3)
-    text = f"{worst.axis} supplied {given} of the {claim} that it claims"
+    supplied, claim = quantity(worst.given - worst.blow, "J", 3), quantity(worst.claim, "J", 3)
+    text = f"{worst.axis} supplied {supplied} of the {claim} that it claims"
     if worst.passed is False:
-        text = f"{worst.axis} supplied {given}, and claims {claim}"
+        text = f"{worst.axis} supplied {supplied}, and claims {claim}"
     for end in ends:
         if end.blow > 0.0:
             text += f"; {end.axis} {quantity(end.blow, 'J', 3)} more in an external impact"

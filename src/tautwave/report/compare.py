@@ -52,9 +52,9 @@ def compare_reports(a: Path, b: Path, out: Path) -> Path:
     make_directory(target.parent)
     both = sites_of(runs)
     if both is not None:
-        found = joined_summary(*both)
-        write_text(target.with_suffix(".json"), json.dumps(found, indent=2) + "\n")
-        write_text(target, joined_page(*both, found, target.parent))
+        joined = joined_summary(*both)
+        write_text(target.with_suffix(".json"), json.dumps(joined, indent=2) + "\n")
+        write_text(target, joined_page(*both, joined, target.parent))
         return target
     labels = _labels(runs)
     title = f"{labels[0]} against {labels[1]} – tautwave"
@@ -217,21 +217,21 @@ def _table(
     noise: float = 0.0,
 ) -> Table:
     """Table of two summaries; values within `noise` (in SI) in both get no ratio."""
-    given = [
+    numbers = [
         (name, show, values)
         for name, show, keys in lines
         if any(values := tuple(value_of(run.result, keys) for run in runs))
         or keys[-1] not in BOOKED
     ]
-    return _side_by_side(labels, title, given, noise)
+    return _side_by_side(labels, title, numbers, noise)
 
 
 def value_of(summary: Summary, keys: Sequence[str]) -> Any:
     """Return what stands in a summary under keys, None where one of them is missing."""
-    found: Any = summary
+    value: Any = summary
     for key in keys:
-        found = found.get(key) if isinstance(found, Mapping) else getattr(found, key, None)
-    return found
+        value = value.get(key) if isinstance(value, Mapping) else getattr(value, key, None)
+    return value
 
 
 BOOKED = ("absorbed", "stored", "dissipated")
@@ -243,12 +243,12 @@ def _feel(runs: tuple[Run, Run], labels: tuple[str, str], pair: str) -> Table:
     from tautwave.report.feel import feel_of, feel_values  # simulates
 
     both = [feel_values(feel_of(run), pair) for run in runs]
-    given = []
+    numbers = []
     for what in dict.fromkeys([*both[0], *both[1]]):
         values = tuple(one.get(what, (None, ""))[0] for one in both)
         unit = next(one[what][1] for one in both if what in one)
-        given.append((what, partial(quantity, unit=unit), values))
-    return _side_by_side(labels, "What the operator feels of the rig", given)
+        numbers.append((what, partial(quantity, unit=unit), values))
+    return _side_by_side(labels, "What the operator feels of the rig", numbers)
 
 
 def _side_by_side(

@@ -90,10 +90,10 @@ def stall_claim(rig: Rig, pair: str) -> float:
 
     Nothing is claimed without velocity limits, for nothing bounds it.
     """
-    found = stall_joules(rig, pair, declared_delays(rig))
-    if found is None:
+    joules = stall_joules(rig, pair, declared_delays(rig))
+    if joules is None:
         return 0.0
-    return found[0] + found[1] / pair_scale(rig.coupling.pairs[pair]).power
+    return joules[0] + joules[1] / pair_scale(rig.coupling.pairs[pair]).power
 
 
 def coupled_rise(run: Run, rig: Rig, pair: str) -> Rise | None:
@@ -114,20 +114,20 @@ def coupled_rise(run: Run, rig: Rig, pair: str) -> Rise | None:
     acts = coupled_gaps(run, names, at, absorbed)
     scale = read.get("operation.scale", np.ones(run.rows))[at]
     acts &= scale[1:] == scale[:-1]
-    given, damped, feigned = (np.zeros(len(lasted)) for _ in range(3))
+    supplied, damped, feigned = (np.zeros(len(lasted)) for _ in range(3))
     for factor in np.unique(scale):
         spring = spring_of(rig if factor == 1.0 else scaled(rig, float(factor)), pair)
         here = scale[:-1] == factor
         stored = clipped_potential(spring.stiffness, _clip(run, names, at, spring), stretch)
-        given += np.where(here, np.diff(stored) - np.diff(absorbed), 0.0)
+        supplied += np.where(here, np.diff(stored) - np.diff(absorbed), 0.0)
         for name, end in zip(names, spring.ends, strict=True):
             moved = np.diff(read[f"{name}.position"][at])
             variance = _variance(run, name, moved)
             damped += np.where(here, end.weight * damping_work(end.damping, moved, lasted), 0.0)
             feints = feigned_by_noise(end.damping, end.answer, variance, lasted)
             feigned += np.where(here, end.weight * feints, 0.0)
-    flow = float(np.sum(np.abs(np.diff(absorbed))) + np.sum(np.abs(given)))
-    return rise_of(time, given, damped, feigned, acts, flow)
+    flow = float(np.sum(np.abs(np.diff(absorbed))) + np.sum(np.abs(supplied)))
+    return rise_of(time, supplied, damped, feigned, acts, flow)
 
 
 def both_sampled(run: Run, names: Sequence[str], read: Mapping[str, Floats]) -> Rows:

@@ -82,7 +82,7 @@ class End(NamedTuple):
     @property
     def sentence(self) -> str:
         """A broken claim, a gap too long or a blow in a sentence; empty without any."""
-        given, claim = quantity(self.given, "J", 3), quantity(self.claim, "J", 3)
+        supplied, claim = quantity(self.given, "J", 3), quantity(self.claim, "J", 3)
         blow = f"{quantity(self.blow, 'J', 3)} of it in an impact beyond its velocity limit"
         apart = f", {blow}" if self.blow > 0.0 else ""
         late = ""
@@ -94,22 +94,22 @@ class End(NamedTuple):
         if self.beyond is not None and self.goes_on and self._within(self.allowed):
             share = f"{100.0 * self.beyond.share:.0f} % of the seconds"
             return (
-                f"{self.axis}: supplied {given} of its claim of {claim}, which is for a "
+                f"{self.axis}: supplied {supplied} of its claim of {claim}, which is for a "
                 f"stall; it went on supplying more than its reserve and leak in {share}."
             )
         if not self.passed and self._within(self.claim):
             return (
-                f"{self.axis}: supplied {given}{apart}, more than the "
+                f"{self.axis}: supplied {supplied}{apart}, more than the "
                 f"{quantity(self.allowed, 'J', 3)} claimed without a stall: {late}."
             )
         if not self.passed:
             return (
-                f"{self.axis}: supplied {given}{apart}, more than its claim of {claim}; its "
+                f"{self.axis}: supplied {supplied}{apart}, more than its claim of {claim}; its "
                 "encoder, delay or driver differs from the rig."
             )
         if late:
-            return f"{self.axis}: {late}; it supplied {given}{apart}."
-        return f"{self.axis}: supplied {given}, {blow}; its claim is {claim}." if apart else ""
+            return f"{self.axis}: {late}; it supplied {supplied}{apart}."
+        return f"{self.axis}: supplied {supplied}, {blow}; its claim is {claim}." if apart else ""
 
 
 def ends_of(run: Run) -> Iterator[End]:
@@ -159,10 +159,10 @@ def _beyond(run: Run, axis: str, given: Floats, flow: float) -> Rise | None:
 
 def stated_of(pair: Pair, side: Side) -> Stated | None:
     """Return what was stated of one side in a pair's block of a summary; None: nothing was."""
-    found = pair.claims.get(side)
-    if found is None or not set(Stated._fields) <= found.model_fields_set:
+    claim = pair.claims.get(side)
+    if claim is None or not set(Stated._fields) <= claim.model_fields_set:
         return None
-    return Stated(**{key: getattr(found, key) for key in Stated._fields})
+    return Stated(**{key: getattr(claim, key) for key in Stated._fields})
 
 
 def port_of(run: Run, axis: str) -> CertifiedElement:
@@ -183,9 +183,9 @@ def _of_wall(run: Run, pair: str, side: str, weight: float) -> Floats:
     pushed = (effort[good][:-1] != 0.0) | (np.diff(absorbed[good]) != 0.0)
     damped = np.zeros(run.rows)
     damped[np.flatnonzero(good)[1:]] = np.where(pushed, weight * damping * moved**2 / time, 0.0)
-    held = max(0.0, -float(np.nanmin(stored)))
-    found: Floats = absorbed + np.cumsum(damped) + held
-    return found
+    stored_most = max(0.0, -float(np.nanmin(stored)))
+    taken: Floats = absorbed + np.cumsum(damped) + stored_most
+    return taken
 
 
 def longest_gap(run: Run, axis: str) -> float:

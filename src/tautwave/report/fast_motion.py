@@ -13,7 +13,7 @@ from tautwave.report.units import number
 
 def fast_shares(run: Run, pair: str) -> dict[str, float]:
     """Return `fast_share` of both sides of a pair, as measured; no key where none was recorded."""
-    found: dict[str, float] = {}
+    shares: dict[str, float] = {}
     for side in SIDES:
         name = f"{side}.{pair}.position"
         values = run.read(name).get(name)
@@ -28,5 +28,5 @@ def fast_shares(run: Run, pair: str) -> dict[str, float]:
             number(keys.get(key)) or 0.0 for key in ("position_noise", "encoder_quantum")
         )
         period = len(values) / len(kept) / run.rate_hz
-        found[side] = fast_share(kept, period, math.sqrt(noise**2 + step**2 / 12.0))
-    return found
+        shares[side] = fast_share(kept, period, math.sqrt(noise**2 + step**2 / 12.0))
+    return shares

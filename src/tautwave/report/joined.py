@@ -172,10 +172,10 @@ def positions(master: Run, slave: Run, pair: str, common: Common) -> tuple[Float
     if one is None or two is None:
         return np.zeros(0), np.zeros(0)
     keys = pair_settings(master, pair)
-    ratio_of, given = _ratio(master, pair), keys.get("offset")
+    ratio_of, declared = _ratio(master, pair), keys.get("offset")
     offset = common.offset.get(pair, 0.0)
-    if isinstance(given, int | float) and pair not in common.offset:
-        offset = -ratio_of * float(given)
+    if isinstance(declared, int | float) and pair not in common.offset:
+        offset = -ratio_of * float(declared)
     return one[common.rows[0]], (two[common.rows[1]] - offset) / ratio_of
 
 
@@ -223,9 +223,9 @@ def _motors(runs: tuple[Run, Run], pair: str) -> list[Motors]:
 
 def _sum(values: Iterable[float | None]) -> float | None:
     """Return the sum, None if one of them is not known."""
-    found = list(values)
-    known = [one for one in found if one is not None]
-    return sum(known) if len(known) == len(found) else None
+    terms = list(values)
+    known = [one for one in terms if one is not None]
+    return sum(known) if len(known) == len(terms) else None
 
 
 class Away(NamedTuple):
@@ -244,8 +244,8 @@ def _under_way(master: Run, slave: Run, pair: str, common: Common) -> Away | Non
     tried: Any = ()
     if math.isfinite(common.doubt):
         tried = np.linspace(-common.doubt, common.doubt, 1 + 2 * math.ceil(common.doubt / STEP))
-    found = [_least_away(halves, common, float(later)) for later in tried]
-    least = [one for one in found if one is not None]
+    balances = [_least_away(halves, common, float(later)) for later in tried]
+    least = [one for one in balances if one is not None]
     ends = [
         float(half[rows[-1]])
         for half, rows in zip(halves, common.all_rows, strict=True)
@@ -361,14 +361,14 @@ def session_table(run: Run) -> Table:
     """Return what became of the sessions of one site."""
     rows = []
     for at, session in enumerate(_sessions(run), 1):
-        held = "; ".join(
+        counts = "; ".join(
             f"{quantity(one.at_s, 's')}: {one.why}"
             + ("" if one.for_s is None else f", back after {quantity(one.for_s, 's')}")
             for one in session.silences
         )
         engaged = session.engaged_s
         begun = "not engaged" if engaged is None else quantity(engaged, "s")
-        rows.append((str(at), session.id, begun, held))
+        rows.append((str(at), session.id, begun, counts))
     link = run.result.link
     notes = [] if link is None else [one for one in (link.ended, link.lost) if one]
     if link is not None and link.clocks is not None:

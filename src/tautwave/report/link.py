@@ -32,8 +32,8 @@ class Kept(NamedTuple):
     @property
     def passed(self) -> bool:
         """Whether no quantum more came out than went in and the reserve; NaN is more."""
-        held = round(self.least / ENERGY_QUANTUM) if np.isfinite(self.least) else -(1 << 52)
-        return held >= -math.floor(self.reserve / ENERGY_QUANTUM)
+        quanta = round(self.least / ENERGY_QUANTUM) if np.isfinite(self.least) else -(1 << 52)
+        return quanta >= -math.floor(self.reserve / ENERGY_QUANTUM)
 
     @property
     def sentence(self) -> str:
@@ -64,7 +64,7 @@ def link_figures(run: Run, pair: str) -> dict[str, dict[str, float]]:
     come for longer than the rig's `silence_s`, `holds` how often. Empty without a network.
     """
     limit = number(block(run.rig, "link").get("silence_s"))
-    found: dict[str, dict[str, float]] = {}
+    figures: dict[str, dict[str, float]] = {}
     for side in SIDES:
         read = run.read(*(f"{side}.{pair}.link_{name}" for name in COLUMNS), "skipped_slots")
         if not all(f"{side}.{pair}.link_{name}" in read for name in ALWAYS):
@@ -78,16 +78,16 @@ def link_figures(run: Run, pair: str) -> dict[str, dict[str, float]]:
         slots = 1.0 + np.nan_to_num(skipped)
         begun = delay > 0.0
         passed = float(np.sum(slots[np.argmax(begun) :])) if begun.any() else 0.0
-        held = silence > (np.inf if limit is None else limit)
-        found[side] = {
+        silent = silence > (np.inf if limit is None else limit)
+        figures[side] = {
             "loss": float(lost[-1]) / max(passed, 1.0),
             "cut": float(cut[-1]) / max(passed, 1.0),
             "backlog": float(np.abs(backlog).max()),
-            "held_s": float(np.sum(slots[held])) / run.rate_hz,
-            "holds": int(np.count_nonzero(np.diff(held.astype(int)) > 0)),
-            **_times(delay[begun & ~held], depth[begun & ~held]),
+            "held_s": float(np.sum(slots[silent])) / run.rate_hz,
+            "holds": int(np.count_nonzero(np.diff(silent.astype(int)) > 0)),
+            **_times(delay[begun & ~silent], depth[begun & ~silent]),
         }
-    return found
+    return figures
 
 
 def _times(delay: Floats, depth: Floats) -> dict[str, float]:

@@ -25,10 +25,10 @@ def given_energy(run: Run, axes: list[str]) -> Floats | None:
     columns = [f"{axis}.port_energy" for axis in axes]
     if not run.rows or not all(column in run.columns for column in columns):
         return None
-    given = np.zeros(run.rows)
+    supplied = np.zeros(run.rows)
     for _, taken in run.each(columns):
-        given -= taken - taken[0]
-    return given
+        supplied -= taken - taken[0]
+    return supplied
 
 
 def worst_moment(run: Run, given: Floats) -> dict[str, float]:
@@ -40,10 +40,10 @@ def worst_moment(run: Run, given: Floats) -> dict[str, float]:
 
 def motor_energy(run: Run, pair: str) -> dict[str, float]:
     """Return `worst_moment` of a pair and, if its rig states one, `stated_debt` [J]."""
-    given = given_energy(run, [f"{side}.{pair}" for side in run.sides])
-    if given is None or not np.isfinite(given).all():
+    supplied = given_energy(run, [f"{side}.{pair}" for side in run.sides])
+    if supplied is None or not np.isfinite(supplied).all():
         return {}
-    worst = worst_moment(run, given)
+    worst = worst_moment(run, supplied)
     debt = stated_debt(run, pair)
     return worst if debt is None else {**worst, "stated_debt": debt}
 
@@ -68,13 +68,13 @@ def stated_debt(run: Run, pair: str) -> float | None:
 
 def _compensation(run: Run, pair: str, side: str) -> float:
     """Return what compensations gave [J]: friction takes the one, the other has an account."""
-    given = 0.0
+    supplied = 0.0
     for what in ("compensation", "inertia"):
         name = f"{pair}.{what}_{side}.absorbed"
         read = run.read(name)
         if name in read and run.rows:
-            given += max(0.0, -float(np.nanmin(read[name])))
-    return given
+            supplied += max(0.0, -float(np.nanmin(read[name])))
+    return supplied
 
 
 def motion(run: Run, axis: str) -> tuple[Floats, Floats, Rows]:
@@ -95,8 +95,8 @@ def _wall(run: Run, pair: str, side: str, weight: float) -> float:
     read = run.read(*names)
     if len(read) < len(names) or not run.rows:
         return 0.0
-    held = max(0.0, -float(np.nanmin(read[names[1]])))
-    created = max(0.0, -float(np.nanmin(read[names[0]])) - held)
+    stored = max(0.0, -float(np.nanmin(read[names[1]])))
+    created = max(0.0, -float(np.nanmin(read[names[0]])) - stored)
     moved, time, _ = motion(run, f"{side}.{pair}")
     damping = number(block(run.rig, side, "axes", pair, "damping").get("lower")) or 0.0
-    return held + min(created, weight * damping * float(np.sum(moved**2 / time)))
+    return stored + min(created, weight * damping * float(np.sum(moved**2 / time)))

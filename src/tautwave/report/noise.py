@@ -50,15 +50,15 @@ def noise_sentences(run: Run) -> Iterator[str]:
             if claimed is None or f"{axis}.position" not in run.columns:
                 continue
             keys = block(run.rig, side, "axes", pair)
-            found = measured_deviation(run, axis, keys)
+            deviation = measured_deviation(run, axis, keys)
             declared = number(keys.get("position_noise")) or 0.0
             limit = number(keys.get("velocity_limit")) or 1.0
             floor = MIN_SHARE * limit / (number(run.rig.get("rate_hz")) or 1.0)
-            if found is not None and found > max(TOLERATED * declared, floor):
+            if deviation is not None and deviation > max(TOLERATED * declared, floor):
                 unit = "rad" if keys.get("kind") == "rotary" else "m"
-                times = f", {found / declared:.2g} times the declared" if declared > 0.0 else ""
+                times = f", {deviation / declared:.2g} times the declared" if declared > 0.0 else ""
                 yield (
-                    f"{axis}: its position noise is {quantity(found, unit, 3)}{times} "
+                    f"{axis}: its position noise is {quantity(deviation, unit, 3)}{times} "
                     f"(position_noise {declared:g}): its port may decouple, and its claim does "
                     f"not hold; measure it at rest with `tautwave identify RIG --axis {axis} "
                     "--noise`, and paste its lines."
@@ -81,8 +81,8 @@ def measured_deviation(run: Run, axis: str, keys: dict[str, Any]) -> float | Non
     shown = max(quantum, number(keys.get("position_noise")) or 0.0)
     even = (lasted < 1.5 * lasted.min()) & (slip <= SLIPPED * shown)
     lags = (1.0, *(keys.get("position_noise_autocorrelation") or ()))
-    found = [_deviation(moved, even, order, quantum, lags) for order in ORDERS]
-    known = [one for one in found if one is not None]
+    deviations = [_deviation(moved, even, order, quantum, lags) for order in ORDERS]
+    known = [one for one in deviations if one is not None]
     return min(known) if known else None
 
 

@@ -28,9 +28,9 @@ def sensor_sentences(run: Run) -> Iterator[str]:
     for pair in run.pairs:
         for side in SIDES:
             keys = block(run.rig, side, "axes", pair)
-            found = balance_of(run, f"{side}.{pair}", keys)
-            if found is not None:
-                yield from _sentence(f"{side}.{pair}", keys, found)
+            balance = balance_of(run, f"{side}.{pair}", keys)
+            if balance is not None:
+                yield from _sentence(f"{side}.{pair}", keys, balance)
 
 
 def greatest_friction(keys: Mapping[str, Any]) -> float:
@@ -68,19 +68,19 @@ def balance_of(run: Run, axis: str, keys: Mapping[str, Any]) -> SensorBalance | 
 def _sentence(axis: str, keys: Mapping[str, Any], found: SensorBalance) -> Iterator[str]:
     sensor, unit = block(keys, "effort_sensor"), "N m" if keys.get("kind") == "rotary" else "N"
     scale, offset = number(sensor.get("scale")) or 1.0, number(sensor.get("offset")) or 0.0
-    held = f"with a friction of at most {greatest_friction(keys):.3g} {unit}"
+    friction = f"with a friction of at most {greatest_friction(keys):.3g} {unit}"
     if 1.0 not in found.scale:
         low, high = found.scale
         to = f"{low:.3g} to {high:.3g}" if high < 1e6 else f"more than {low:.3g}"
         new = f"{scale * found.scale.middle:.3g}" if high < 1e6 else f"{scale * low:.3g} or more"
         yield (
             f"{axis}: its effort sensor reads {to} times what its motor held at {found.rests} "
-            f"rests, {held}: effort_sensor.scale should be about {new}, or effort_limit and the "
-            "motor's torque constant are wrong."
+            f"rests, {friction}: effort_sensor.scale should be about {new}, or effort_limit and "
+            "the motor's torque constant are wrong."
         )
     elif 0.0 not in found.offset:
         yield (
             f"{axis}: at rest and unloaded, its effort sensor reads {found.offset.lower:.3g} to "
-            f"{found.offset.upper:.3g} {unit} ({found.rests} rests, {held}): effort_sensor.offset "
-            f"should be about {offset + scale * found.offset.middle:.3g}."
+            f"{found.offset.upper:.3g} {unit} ({found.rests} rests, {friction}): "
+            f"effort_sensor.offset should be about {offset + scale * found.offset.middle:.3g}."
         )

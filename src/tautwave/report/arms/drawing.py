@@ -57,7 +57,7 @@ def write_arms_animation(view: ArmsView, path: Path) -> None:
 
 
 def _panels(view: ArmsView) -> list[_Panel]:
-    found = []
+    panels = []
     strongest = _strongest(view)
     room = np.array([(1.0 - 2.0 * MARGIN) * PANEL, (1.0 - MARGIN) * HEIGHT - TOP]) * OVER
     for number, arm in enumerate(view.arms):
@@ -80,8 +80,8 @@ def _panels(view: ArmsView) -> list[_Panel]:
             low, high = _corners([*places, *heads])
             scale = _scale(low, high, room)
         corner = 0.5 * (low + high) - 0.5 * room / scale
-        found.append(_Panel(number * PANEL * OVER, corner, scale))
-    return found
+        panels.append(_Panel(number * PANEL * OVER, corner, scale))
+    return panels
 
 
 def _strongest(view: ArmsView) -> float:

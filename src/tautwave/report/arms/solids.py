@@ -63,8 +63,8 @@ def _across(way: Floats) -> tuple[Floats, Floats]:
 def _circle(centre: Floats, way: Floats, radius: float) -> Floats:
     one, two = _across(way)
     turn = np.linspace(0.0, 2.0 * np.pi, ROUND + 1)
-    found: Floats = centre + radius * (np.outer(np.cos(turn), one) + np.outer(np.sin(turn), two))
-    return found
+    ring: Floats = centre + radius * (np.outer(np.cos(turn), one) + np.outer(np.sin(turn), two))
+    return ring
 
 
 def _faces(surface: Surface) -> list[Floats]:
@@ -83,7 +83,7 @@ def _faces(surface: Surface) -> list[Floats]:
                 if np.all(planes[:, :3] @ corner <= planes[:, 3] + 1e-9):
                     for face in (i, j, k):
                         corners[face].append(corner)
-    found = []
+    faces = []
     for face, places in enumerate(corners):
         if len(places) < 3:
             continue
@@ -93,5 +93,5 @@ def _faces(surface: Surface) -> list[Floats]:
             places,
             key=lambda p: np.arctan2((p - middle) @ two, (p - middle) @ one),
         )
-        found.append(np.array(order))
-    return found
+        faces.append(np.array(order))
+    return faces

@@ -124,9 +124,9 @@ def _of_tips(run: Run, rig: Rig, rows: Any) -> Iterator[ArmView]:
                     coupling[:, axis.id - 1] = -effort[:, 0]  # the port's is what resists
         forces["coupling"] = coupling @ frame
         for wall in options.walls:
-            found = _columns(run, [f"space.{name}.{wall}.f{c}" for c in "xyz"], rows)
-            if found is not None:
-                forces[wall] = found @ frame
+            force = _columns(run, [f"space.{name}.{wall}.f{c}" for c in "xyz"], rows)
+            if force is not None:
+                forces[wall] = force @ frame
         joints = _places(options.believed(), q)
         reach = float(np.abs(joints - joints[:, :1]).max())
         near = joints[:, -1].mean(axis=0)
@@ -135,19 +135,19 @@ def _of_tips(run: Run, rig: Rig, rows: Any) -> Iterator[ArmView]:
 
 
 def _columns(run: Run, names: Sequence[str], rows: Any) -> Floats | None:
-    found = [run.read(name).get(name) for name in names]
-    known = [values[rows] for values in found if values is not None]
+    series = [run.read(name).get(name) for name in names]
+    known = [values[rows] for values in series if values is not None]
     return np.stack(known, axis=1) if known and len(known) == len(names) else None
 
 
 def _places(chain: Any, q: Floats) -> Floats:
     """Return base, joints and tip at every row; a row without a sample repeats the one before."""
-    found = np.zeros((len(q), q.shape[1] + 2, 3))
+    places = np.zeros((len(q), q.shape[1] + 2, 3))
     for row, posture in enumerate(q.tolist()):
         if not all(math.isfinite(at) for at in posture):
-            found[row] = found[row - 1]
+            places[row] = places[row - 1]
             continue
         frames = chain_frames(chain, posture)
-        found[row, 1:-1] = [frame[11:14] for frame in frames]
-        found[row, -1] = tip_pose(chain, frames)[:3]
-    return found
+        places[row, 1:-1] = [frame[11:14] for frame in frames]
+        places[row, -1] = tip_pose(chain, frames)[:3]
+    return places

@@ -60,7 +60,7 @@ def episodes(directory: Path) -> list[Episode]:
         marks = np.zeros(0)
     stated = _summary(directory / "summary.json")
     edges = np.flatnonzero(np.diff(marks, prepend=0.0, append=0.0))
-    found = []
+    kept = []
     for begin, end in itertools.pairwise(edges):
         number = int(marks[begin])
         if number:
@@ -68,15 +68,15 @@ def episodes(directory: Path) -> list[Episode]:
             name = str(one.get("name") or f"episode-{number}")
             task, success = str(one.get("task") or ""), one.get("success")
             rows, discarded = slice(int(begin), int(end)), bool(one.get("discarded"))
-            found.append(Episode(number, name, task, success, rows, discarded))
-    return found or [Episode(0, "run", "", None, slice(None))]
+            kept.append(Episode(number, name, task, success, rows, discarded))
+    return kept or [Episode(0, "run", "", None, slice(None))]
 
 
 def _summary(path: Path) -> dict[int, dict[str, Any]]:
     """Return what the summary states of each episode, {} without any."""
     try:
-        found = parse_json(read_guarded(path, "summary", LARGEST))["operation"]["episodes"]
-        return {int(one["number"]): dict(one) for one in found}
+        blocks = parse_json(read_guarded(path, "summary", LARGEST))["operation"]["episodes"]
+        return {int(one["number"]): dict(one) for one in blocks}
     except (ConfigError, ValueError, KeyError, TypeError):
         return {}
 
@@ -93,13 +93,13 @@ def _rig(attachments: Mapping[str, bytes]) -> Any:
 def pair_ratios(attachments: Mapping[str, bytes]) -> dict[str, float]:
     """Return slave motion per master motion of each pair, with its sign, at the scale 1."""
     rig = _rig(attachments)
-    found = {}
+    ratios = {}
     for name in block(rig, "coupling", "pairs"):
         keys = block(rig, "coupling", "pairs", name)
         scale, sign = number(keys.get("position_scale", 1.0)), number(keys.get("sign", 1))
         if scale is not None and sign is not None:
-            found[str(name)] = sign * scale
-    return found
+            ratios[str(name)] = sign * scale
+    return ratios
 
 
 def axis_blocks(attachments: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
@@ -119,12 +119,12 @@ def axis_blocks(attachments: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
 def units(columns: Iterable[str], attachments: Mapping[str, bytes]) -> dict[str, str]:
     """Return the unit of each column that has one, by the axes of the run's own rig."""
     axes = axis_blocks(attachments)
-    found = {}
+    by_column = {}
     for column in columns:
         about = next((axis for axis in axes if f"{axis}." in column), None)
         # A pair is in its master's units.
         axis = axes.get(about or f"master.{column.partition('.')[0]}", {})
         kind, causality = axis.get("kind", "rotary"), axis.get("causality", "impedance")
         if unit := unit_of(column, str(kind), str(causality)):
-            found[column] = unit
-    return found
+            by_column[column] = unit
+    return by_column

@@ -81,14 +81,14 @@ class LeftOut(NamedTuple):
 def _recorded(recording: Recording, velocities: bool) -> Signals:
     """Return the signals of a recording; raise `RecordingError` where it lacks one."""
     axes, ratios = axis_blocks(recording.attachments), pair_ratios(recording.attachments)
-    found = signals(recording.metadata.get("rig", "tautwave"), axes, ratios, velocities)
-    lacking = [one for one in found.columns if one not in recording.columns]
-    if not found.action or not found.state or lacking:
+    recorded = signals(recording.metadata.get("rig", "tautwave"), axes, ratios, velocities)
+    lacking = [one for one in recorded.columns if one not in recording.columns]
+    if not recorded.action or not recorded.state or lacking:
         what = f"column {lacking[0]}" if lacking else "both sides' axes in a rig file of its own"
         raise RecordingError(
             f"a LeRobot dataset needs master and slave of a coupled rig, but the run lacks {what}"
         )
-    return found
+    return recorded
 
 
 def frame_rows(
@@ -197,17 +197,18 @@ def _episodes_of(
         rows = read_recording(run, ["time_s", *columns], rows=episode.rows)
         taken, recent = frame_rows(rows.time_s, choice.fps, 1.0 / float(rows.metadata["rate_hz"]))
         row = {name: rows[name][taken] for name in columns}
-        held = engaged(row[STATE]) if STATE in row else np.ones(len(taken), bool)
+        is_engaged = engaged(row[STATE]) if STATE in row else np.ones(len(taken), bool)
         finite = np.all([np.isfinite(row[name]) for name in wanted.columns], axis=0)
         valid = np.all([row[name] != 0.0 for name in wanted.valid], axis=0)
         whole = recent & finite & valid
         filmed = [camera.numbers(rows.time_s[taken]) for camera in cameras]
         for seen in filmed:
             whole &= seen >= 0
-        kept = whole & held
+        kept = whole & is_engaged
         cut = {
-            "outside": int(np.count_nonzero(~held)), "missing": int(np.count_nonzero(held & ~whole))
-        }  # fmt: skip
+            "outside": int(np.count_nonzero(~is_engaged)),
+            "missing": int(np.count_nonzero(is_engaged & ~whole)),
+        }
         if cut["missing"] and not choice.cut:
             also = " or a picture" if cameras else ""
             raise RecordingError(

@@ -122,15 +122,15 @@ class Dataset:
 
     def _filmed(self, episode: Frames, count: int) -> dict[str, Any]:
         """Append its pictures to the videos, and return what its row says of them."""
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         for name, video in self._videos.items():
             begin = video.frames / self._fps
             stats = video.add(episode.pictures[name], count)
             where = {"chunk_index": 0, "file_index": 0, "from_timestamp": begin,
                      "to_timestamp": video.frames / self._fps}  # fmt: skip
-            found |= {f"videos/{video.key}/{key}": value for key, value in where.items()}
-            found |= {f"stats/{video.key}/{key}": value for key, value in stats.items()}
-        return found
+            entries |= {f"videos/{video.key}/{key}": value for key, value in where.items()}
+            entries |= {f"stats/{video.key}/{key}": value for key, value in stats.items()}
+        return entries
 
     def _write(self, data: dict[str, npt.NDArray[Any]]) -> None:
         size = sum(values.nbytes for values in data.values())

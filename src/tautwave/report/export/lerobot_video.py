@@ -52,11 +52,11 @@ class Camera(NamedTuple):
 
     def jpegs(self, numbers: Sequence[int]) -> Iterator[bytes]:
         """Give the pictures of these numbers, which rise."""
-        found = enumerate(_whole(self.directory, self.name))
+        numbered = enumerate(_whole(self.directory, self.name))
         at, jpeg = -1, b""
         for number in numbers:
             while at < number:
-                at, picture = next(found)
+                at, picture = next(numbered)
                 jpeg = picture.jpeg
             yield jpeg
 
@@ -144,10 +144,10 @@ def picture_statistics(some: npt.NDArray[np.uint8]) -> dict[str, Any]:
     """Return statistics by channel, shape (3, 1, 1), of n pictures, shape (n, h, w, 3)."""
     table = some.reshape(-1, 3) / 255.0  # as LeRobot reads them
     levels = np.quantile(table, (0.01, 0.1, 0.5, 0.9, 0.99), axis=0)
-    found = {"min": table.min(axis=0), "max": table.max(axis=0),
+    statistics = {"min": table.min(axis=0), "max": table.max(axis=0),
              "mean": table.mean(axis=0), "std": table.std(axis=0),
              **dict(zip(("q01", "q10", "q50", "q90", "q99"), levels, strict=True))}  # fmt: skip
-    shaped = {name: value.reshape(3, 1, 1).tolist() for name, value in found.items()}
+    shaped = {name: value.reshape(3, 1, 1).tolist() for name, value in statistics.items()}
     return {**shaped, "count": [len(some)]}
 
 

@@ -78,11 +78,11 @@ def _topics(recording: Recording, axes: list[str]) -> list[tuple[str, list[str],
         _table(recording, [f"{name}.velocity" for name in axes]),
         _table(recording, effort),
     ]
-    found = [("joint_states", axes, states)]
+    topics = [("joint_states", axes, states)]
     if felt:
         shown = _table(recording, [f"{name}.measured_effort" for name in felt])
-        found.append(("measured_efforts", felt, [empty, empty, shown]))
-    return found
+        topics.append(("measured_efforts", felt, [empty, empty, shown]))
+    return topics
 
 
 def _table(recording: Recording, columns: list[str]) -> Any:

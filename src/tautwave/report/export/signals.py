@@ -86,8 +86,8 @@ class Signals(NamedTuple):
     def columns(self) -> tuple[str, ...]:
         """Columns that all of them need, each once."""
         each = itertools.chain.from_iterable(self.features.values())
-        found = [column for one in each for column in one.columns]
-        return tuple(dict.fromkeys([*found, *self.valid]))
+        names = [column for one in each for column in one.columns]
+        return tuple(dict.fromkeys([*names, *self.valid]))
 
     @property
     def features(self) -> dict[str, tuple[Signal, ...]]:
@@ -97,8 +97,8 @@ class Signals(NamedTuple):
     def alike(self, other: Signals) -> bool:
         """Return whether runs can be one dataset: robot, names, units and cameras are the same."""
         mine, theirs = (
-            [(key, one.name, one.unit) for key, each in found.features.items() for one in each]
-            for found in (self, other)
+            [(key, one.name, one.unit) for key, each in dataset.features.items() for one in each]
+            for dataset in (self, other)
         )
         return (self.robot, self.cameras, mine) == (other.robot, other.cameras, theirs)
 
@@ -122,13 +122,13 @@ def targets(
     present : collection of str
         Columns of the recording.
     """
-    found = []
+    columns = []
     for pair, ratio in ratios.items():
         unit = "m" if axes.get(f"slave.{pair}", {}).get("kind") == "linear" else "rad"
         one = target(pair, ratio, f"slave.{pair}.{TARGET}", unit)
         if all(column in present for column in one.columns):
-            found.append(one)
-    return found
+            columns.append(one)
+    return columns
 
 
 def signals(

@@ -68,10 +68,10 @@ def export_tables(
     """
     content = TABLES[to]
     # before a folder is made for what is not there
-    found = [one for one in episodes(directory) if not one.discarded]
+    chosen = [one for one in episodes(directory) if not one.discarded]
     if out.suffix == f".{to}":
         raise ConfigError(f"{out}: tables go into a directory, one for each episode; name that")
-    paths = [out / f"{episode.stem}.{to}" for episode in found]
+    paths = [out / f"{episode.stem}.{to}" for episode in chosen]
     there = next(filter(Path.exists, paths), None)
     if there is not None:
         raise ConfigError(f"{there} exists; choose another --out, or remove it first")
@@ -85,17 +85,17 @@ def export_tables(
     make_directory(out)
     written, lines = [], []
     ends = ["time_s", *([STATE] if STATE in head.columns else [])]
-    for episode, path in zip(found, paths, strict=True):
+    for episode, path in zip(chosen, paths, strict=True):
         marks = read_recording(directory, ends, rows=episode.rows)
         times = marks.time_s
-        held = np.count_nonzero(engaged(marks[STATE])) if STATE in marks else ""
+        engaged_rows = np.count_nonzero(engaged(marks[STATE])) if STATE in marks else ""
         rows = begun._replace(begin=episode.rows.start or 0, length=len(times))
         write_bytes(path, content(rows))
         written.append(path)
         success = "" if episode.success is None else str(episode.success).lower()
         between = [f"{times[0]:.9g}", f"{times[-1]:.9g}"] if len(times) else ["", ""]
         named = [path.name, episode.number, episode.name, episode.task]
-        lines.append([*named, success, *between, len(times), held])
+        lines.append([*named, success, *between, len(times), engaged_rows])
     index = io.StringIO()
     csv.writer(index, lineterminator="\n").writerows([INDEX, *lines])
     write_text(out / "episodes.csv", index.getvalue())
@@ -132,11 +132,11 @@ class _Rows(NamedTuple):
         plain = [name for name in self.columns if name not in self.added]
         more = [column for one in made for column in one.columns]
         needed = tuple(dict.fromkeys([*plain, *more, *self.scale]))
-        found = read_recording(self.directory, needed, rows=rows)
-        row = {name: found[name] for name in found.columns}
+        recording = read_recording(self.directory, needed, rows=rows)
+        row = {name: recording[name] for name in recording.columns}
         row |= {one.name: one.of(row) for one in made}
         data = np.array([row[name] for name in self.columns]).T
-        return replace(found, columns=tuple(self.columns), data=data)
+        return replace(recording, columns=tuple(self.columns), data=data)
 
 
 def _csv(episode: _Rows) -> Iterator[bytes]:
@@ -213,18 +213,18 @@ def _places(columns: Sequence[str]) -> dict[str, list[str]]:
     """
     parts = {name: name.split(".") for name in columns}
     inner = {".".join(way[:k]) for way in parts.values() for k in range(1, len(way))}
-    found: dict[str, list[str]] = {}
+    places: dict[str, list[str]] = {}
     known: dict[str, dict[str, str]] = {}
     for name, way in parts.items():
-        found[name] = []
+        places[name] = []
         for part in [*way, "value"] if name in inner else way:
             # No part has a dot, so a column's own value is not its child of that name.
-            own = f"{part}." if len(found[name]) == len(way) else part
-            taken = known.setdefault(".".join(found[name]), {})
+            own = f"{part}." if len(places[name]) == len(way) else part
+            taken = known.setdefault(".".join(places[name]), {})
             if own not in taken:
                 taken[own] = _field(part, taken.values())
-            found[name].append(taken[own])
-    return found
+            places[name].append(taken[own])
+    return places
 
 
 def _field(part: str, taken: Collection[str]) -> str:

@@ -51,12 +51,12 @@ def write_across_figure(sweep: Sweep, figure: Figure, rows: Sequence[Row], out: 
 def looks_of(sweep: Sweep) -> dict[str, Look]:
     """Return how each case is drawn, by name."""
     own = [name for name, case in sweep.cases.items() if case.beside is None]
-    found = {}
+    looks = {}
     for name, case in sweep.cases.items():
         at = own.index(case.beside or name) if (case.beside or name) in own else 0
         colour, marker = COLOURS[at % len(COLOURS)], MARKERS[at % len(MARKERS)]
-        found[name] = Look(case.label or name, colour, marker, case.beside is not None)
-    return found or {"": Look(sweep.name, COLOURS[0], MARKERS[0], dashed=False)}
+        looks[name] = Look(case.label or name, colour, marker, case.beside is not None)
+    return looks or {"": Look(sweep.name, COLOURS[0], MARKERS[0], dashed=False)}
 
 
 def across_drawing(sweep: Sweep, figure: Figure, rows: Sequence[Row]) -> Drawing:
@@ -80,9 +80,9 @@ def across_drawing(sweep: Sweep, figure: Figure, rows: Sequence[Row]) -> Drawing
     for axis in axes[-len(values) :]:
         axis.set_xlabel(canvas.plain(figure.label))
     if figure.marked:
-        said = ", ".join(f"{key} {value}" for key, value in figure.marked.items())
+        marked = ", ".join(f"{key} {value}" for key, value in figure.marked.items())
         axes[0].plot([], [], "o", color=canvas.SOFT, markerfacecolor="none", markersize=3.5,
-                     linestyle="none", label=canvas.plain(f"markers: {said}"))  # fmt: skip
+                     linestyle="none", label=canvas.plain(f"markers: {marked}"))  # fmt: skip
     canvas.key(drawing)
     return drawing
 
@@ -148,8 +148,8 @@ def _value(text: str) -> Any:
 
 
 def _points(rows: Sequence[Row], figure: Figure, measure: str) -> tuple[list[float], list[float]]:
-    found = [(figure.factor * float(row[figure.x]), _number(row.get(measure, ""))) for row in rows]
-    known = [(x, y) for x, y in found if math.isfinite(y)]
+    points = [(figure.factor * float(row[figure.x]), _number(row.get(measure, ""))) for row in rows]
+    known = [(x, y) for x, y in points if math.isfinite(y)]
     return [x for x, _ in known], [y for _, y in known]
 
 

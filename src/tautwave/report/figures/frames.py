@@ -42,8 +42,8 @@ def _palette(drawn: Sequence[Image.Image]) -> Image.Image:
     strip = Image.new("RGB", (wide, tall * len(some)))
     for at, image in enumerate(some):
         strip.paste(image, (0, tall * at))
-    found = np.array(strip.quantize(32, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
-    found[found.min(axis=1) > 244] = 255  # the mean of white and next to white
+    colours = np.array(strip.quantize(32, dither=Image.Dither.NONE).getpalette()).reshape(-1, 3)
+    colours[colours.min(axis=1) > 244] = 255  # the mean of white and next to white
     palette = Image.new("P", (1, 1))
-    palette.putpalette(found.ravel().tolist())
+    palette.putpalette(colours.ravel().tolist())
     return palette

@@ -27,11 +27,11 @@ def joined_figure(
     times : of the master's run, a session each [s]
     lines : the positions of master and slave at these
     """
-    found = [(time, *both) for time, both in zip(times, lines, strict=True) if both[0].size]
-    if not found:
+    curves = [(time, *both) for time, both in zip(times, lines, strict=True) if both[0].size]
+    if not curves:
         return None
     time, one, two = (
-        np.concatenate([_ended(part) for part in parts]) for parts in zip(*found, strict=True)
+        np.concatenate([_ended(part) for part in parts]) for parts in zip(*curves, strict=True)
     )
     figure, (above, below) = panels((2.0, 1.4), f"Tracking of {pair}")
     master, slave, error = trace(time, one), trace(time, two), trace(time, one - two)

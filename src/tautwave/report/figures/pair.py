@@ -220,10 +220,10 @@ def contact_figure(view: PairView) -> Figure | None:
     deepest = max((float(abs(depth).max()) for depth, _ in loops), default=0.0)
     down, down_unit = scale_for(deepest, position)
     up, up_unit = scale_for(greatest, effort)
-    found = _strongest(view, cause)
-    last = max(len(found) - 1, 1)
-    shades = [CONTACTS[5 - round(5 * (len(found) - 1 - at) / last)] for at in range(len(found))]
-    for colour, contact, (depth, force) in zip(shades, found, loops, strict=False):
+    hardest = _strongest(view, cause)
+    last = max(len(hardest) - 1, 1)
+    shades = [CONTACTS[5 - round(5 * (len(hardest) - 1 - at) / last)] for at in range(len(hardest))]
+    for colour, contact, (depth, force) in zip(shades, hardest, loops, strict=False):
         loop.plot(down * depth, up * force, color=colour, linewidth=1.2, label=f"{contact:.2f} s")
     known = any(c.peak_depth == c.peak_depth for c in view.contacts[cause])
     heading(loop, "Force against depth, hardest contacts (loop area: energy lost)")
@@ -273,5 +273,5 @@ def _strongest(view: PairView, cause: str) -> list[float]:
 
 def _shade(panel: Axes, view: PairView, labelled: bool = True) -> None:
     for causes, text, colour in _GROUNDS:
-        found = [contact for cause in causes for contact in view.contacts.get(cause, [])]
-        shade(panel, found, text if labelled else "_", colour)
+        contacts = [contact for cause in causes for contact in view.contacts.get(cause, [])]
+        shade(panel, contacts, text if labelled else "_", colour)

@@ -32,7 +32,7 @@ def resampled(at: Floats, time: Floats, values: Floats) -> Floats:
     one, two = values[where], values[where + 1]
     rise = two - one
     a, b = slope[where] * step - rise, slope[where + 1] * step - rise
-    found = one + s * rise + s * (1.0 - s) * ((1.0 - s) * a - s * b)
+    curve = one + s * rise + s * (1.0 - s) * ((1.0 - s) * a - s * b)
     # Apart from rounding, existing samples are unchanged.
-    found = np.where(s < 1e-6, one, found)
-    return np.where(s > 1.0 - 1e-6, two, found)
+    curve = np.where(s < 1e-6, one, curve)
+    return np.where(s > 1.0 - 1e-6, two, curve)

@@ -217,13 +217,13 @@ def simulated_changes(curve: Curve) -> list[Change]:
 
 def _changes(x: Iterable[float], verdicts: Iterable[bool | None]) -> list[Change]:
     """Return every change; a curve that is unstable at first starts with one."""
-    found: list[Change] = []
+    changes: list[Change] = []
     before = True
     for at, verdict in zip(x, verdicts, strict=True):
         if verdict is not None and verdict != before:
-            found.append(Change(at, verdict))
+            changes.append(Change(at, verdict))
             before = verdict
-    return found
+    return changes
 
 
 def stability_sentences(curve: Curve, figure: Figure) -> list[tuple[str, str]]:

@@ -52,10 +52,10 @@ def measure_precision(run: Run) -> Summary:
     If it cannot be computed, `precision.error` says why; that is not an error of the run.
     """
     try:
-        found = precision_of(run, run.checked_rig)
+        precision = precision_of(run, run.checked_rig)
     except (TautwaveError, ArithmeticError, LookupError) as err:
-        found = {"error": str(err) or type(err).__name__}
-    return run.result.model_copy(update={"precision": json_ready(found)})
+        precision = {"error": str(err) or type(err).__name__}
+    return run.result.model_copy(update={"precision": json_ready(precision)})
 
 
 def precision_of(run: Run, rig: Rig) -> dict[str, Any]:
@@ -137,14 +137,14 @@ def _simulated(run: Run, rig: Rig, replay: Replay) -> dict[str, Any]:
     for pair in rig.coupling.pairs:
         position = f"true.slave.{pair}.position"
         effort = f"master.{pair}.port_effort"
-        found: dict[str, Any] = {
+        block: dict[str, Any] = {
             "travel": float(np.ptp(base[position])),
             "effort": float(np.nanmax(np.abs(base[effort]))),
             "oracle": _differences(base, oracle, position, effort),
         }
         for name, rows in others.items():
-            found[name] = _differences(base, rows, position, effort)
-        result["pairs"][pair] = found
+            block[name] = _differences(base, rows, position, effort)
+        result["pairs"][pair] = block
     return result
 
 
@@ -197,8 +197,8 @@ def twin_of(run: Run, rig: Rig) -> Rig:
     """
     buses = {}
     for name, bus in rig.buses.items():
-        found = run.result.buses.get(name)
-        delay = None if found is None else found.command_delay
+        result = run.result.buses.get(name)
+        delay = None if result is None else result.command_delay
         waits = 0.0
         if delay is not None:
             waits = delay.periods * rig.period_s * bus.divisor + delay.remainder_s
@@ -223,7 +223,7 @@ def _hardware(run: Run, rig: Rig, replay: Replay) -> dict[str, Any]:
     }
     result: dict[str, Any] = {"pairs": {}}
     for pair in rig.coupling.pairs:
-        found: dict[str, Any] = {}
+        block: dict[str, Any] = {}
         for side in ("master", "slave"):
             effort = f"{side}.{pair}.commanded"
             sent = run.read(effort).get(effort)
@@ -233,8 +233,8 @@ def _hardware(run: Run, rig: Rig, replay: Replay) -> dict[str, Any]:
                 part["replayed"] = float(np.max(np.abs(gap))) if gap.size else None
             for name, rows in others.items():
                 part[name] = _differences(base, rows, f"{side}.{pair}.position", effort)
-            found[side] = part
-        result["pairs"][pair] = found
+            block[side] = part
+        result["pairs"][pair] = block
     return result
 
 

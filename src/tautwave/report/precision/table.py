@@ -72,7 +72,7 @@ def _why_not(summary: Summary) -> str:
         "devices reported faults": summary.faults,
         "it was stopped": summary.outcome.kind in STOPPED,
     }
-    why = [reason for reason, found in reasons.items() if found]
+    why = [reason for reason, applies in reasons.items() if applies]
     return f": in the run {', '.join(why)}" if why else ""
 
 
@@ -81,11 +81,11 @@ def precision_tables(run: Run) -> Iterator[Table]:
     precision = run.result.precision
     if precision.get("kind") == SCENE and "span_s" in precision:
         yield from page_hooks().precision_tables(precision)
-    for pair, found in block(precision, "pairs").items():
+    for pair, errors in block(precision, "pairs").items():
         if precision.get("kind") == "hardware":
-            yield _hardware(run, pair, found)
+            yield _hardware(run, pair, errors)
         else:
-            yield _simulated(run, pair, found)
+            yield _simulated(run, pair, errors)
 
 
 def _simulated(run: Run, pair: str, found: dict[str, Any]) -> Table:

@@ -52,8 +52,8 @@ def recheck_run(run: Run) -> Summary:
         for at_scale in acted_scales(run, rig):
             other = recheck(at_scale, measured_of(run, at_scale))
             if other["passed"] is False:
-                said = [f"{at_scale.name}: {sentence}" for sentence in other["sentences"]]
-                after |= {"passed": False, "sentences": [*after["sentences"], *said]}
+                sentences = [f"{at_scale.name}: {sentence}" for sentence in other["sentences"]]
+                after |= {"passed": False, "sentences": [*after["sentences"], *sentences]}
         judged = list(judged_of(run, rig))
     except TautwaveError as err:
         after, tuned, judged = {"passed": None, "error": str(err)}, [], []
@@ -95,8 +95,8 @@ def recheck_run(run: Run) -> Summary:
 
 def judged_sentence(rules: list[str]) -> str:
     """Return by which rules a run's energy was judged, as a sentence; empty without any."""
-    said = "; ".join(RULES[rule] for rule in dict.fromkeys(rules))
-    return f"Its energy is judged {said}." if said else ""
+    by_rules = "; ".join(RULES[rule] for rule in dict.fromkeys(rules))
+    return f"Its energy is judged {by_rules}." if by_rules else ""
 
 
 def acted_scales(run: Run, rig: Rig) -> Iterator[Rig]:
@@ -112,7 +112,7 @@ def worst_rig(run: Run) -> tuple[Rig, list[str]]:
     Of a wall that is the stiffness and damping, of one row, whose K T / 2 + B is greatest. The
     filter of a wave line takes no part in what is looked at after a run.
     """
-    rig, found = run.checked_rig, []
+    rig, sentences = run.checked_rig, []
     for axis in rig.axes:
         wall = local_wall(rig, axis)
         names = [f"tuning.{axis}.wall_{key}" for key in ("stiffness", "damping")]
@@ -125,12 +125,12 @@ def worst_rig(run: Run) -> tuple[Rig, list[str]]:
         worst = {"stiffness": float(stiffness[at]), "damping": float(damping[at])}
         if np.ptp(stiffness) or np.ptp(damping):
             unit = "N m/rad" if rig.axes[axis].kind == "rotary" else "N/m"
-            found.append(
+            sentences.append(
                 f"{axis}: its wall was tuned; the certificate looks at the worst that acted, "
                 f"K = {worst['stiffness']:.4g} {unit}, B = {worst['damping']:.4g}"
             )
         rig = replace_wall(rig, axis, wall.model_copy(update=worst))
-    return rig, found
+    return rig, sentences
 
 
 def measured_of(run: Run, rig: Rig) -> Measured:
@@ -184,10 +184,10 @@ def wall_balance(run: Run, rig: Rig, axis: str) -> float | None:
     never will. Each contact begins at nothing: what one took does not pay for the next. 0: it was
     never touched.
     """
-    found = _contacts(run, rig, axis)
-    if found is None:
+    contacts = _contacts(run, rig, axis)
+    if contacts is None:
         return None
-    taken, damped, pushed = found
+    taken, damped, pushed = contacts
     if not pushed.any():
         return 0.0
     total = np.cumsum(np.where(pushed, taken + damped, 0.0))
@@ -205,10 +205,10 @@ def wall_debt(run: Run, rig: Rig, axis: str) -> float | None:
     A debt is carried from contact to contact, what a contact left over is not. What the device's
     damping took at least is counted in, as in `wall_balance`.
     """
-    found = _contacts(run, rig, axis)
-    if found is None:
+    contacts = _contacts(run, rig, axis)
+    if contacts is None:
         return None
-    taken, damped, pushed = found
+    taken, damped, pushed = contacts
     taken = taken + damped
     edges = np.flatnonzero(np.diff(np.concatenate([[False], pushed, [False]])))
     balance = least = 0.0

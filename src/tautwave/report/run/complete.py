@@ -39,7 +39,7 @@ def complete_summary(run: Run) -> Summary:
     if "recording" in summary:
         read = {"rows_read": run.rows, "truncated": run.truncated}
         summary["recording"] = {**summary["recording"], **read}
-    loads = {side: found for side in ("master", "slave") if (found := load_energy(run, side))}
+    loads = {side: load for side in ("master", "slave") if (load := load_energy(run, side))}
     if loads:
         summary["loads"] = loads
     energy = dict(rebuilt.get("energy_j", {}))
@@ -68,12 +68,12 @@ def load_energy(run: Run, side: str) -> dict[str, float]:
     devices beyond that (below 0: given to them), `given` the most that was given at any time;
     `changed` what payloads taken up, or a felt load ramped in or out, put in, where there are some.
     """
-    found = {}
+    energies = {}
     for what in ("potential", "leak", "given", "changed"):
         values = run.read(f"load.{side}.{what}").get(f"load.{side}.{what}")
         if values is not None and len(values):
-            found[f"{what}_j"] = float(values[-1])
-    return found
+            energies[f"{what}_j"] = float(values[-1])
+    return energies
 
 
 def power_ratio(pair: dict[str, Any]) -> float:
@@ -96,7 +96,7 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
     residual = 0.0
     gap: dict[str, float] = {}
     uncertainty = 0.0
-    found = False
+    has_truth = False
     sides = [(pair, side) for pair in run.pairs for side in ("master", "slave")]
     sides += [(port, "master") for port in run.ports]
     for pair, side in sides:
@@ -109,14 +109,14 @@ def plant_energy(run: Run, ratios: dict[str, float]) -> dict[str, float]:
         hidden = sensing_gap(run, axis, weight)
         if balance is None or hidden is None:
             continue
-        found = True
+        has_truth = True
         residual += abs(weight * balance)
         gap[axis] = hidden
     for arm in [name.removesuffix(".work") for name in run.columns if _is_arm_work(name)]:
-        found = True
+        has_truth = True
         residual += _balance(run, {f"{arm}.{name}": sign for name, sign in _ARM.items()}) or 0.0
     figures = {"uncertainty": uncertainty}
-    if found:
+    if has_truth:
         figures["plant_residual"] = residual
         figures["sensing_gap"] = sum(abs(value) for value in gap.values())
     return figures

@@ -52,7 +52,7 @@ def find_contacts(
     firsts = np.concatenate([firsts[:1], firsts[1:][apart]])
     lasts = np.concatenate([lasts[:-1][apart], lasts[-1:]])
     period = float(np.median(np.diff(time[:1000]))) if len(time) > 1 else 0.0
-    found = []
+    contacts = []
     for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True):
         inside = slice(first, last + 1)
         deepest = float("nan")
@@ -60,8 +60,8 @@ def find_contacts(
             deepest = float(np.nanmax(depth[inside]))
         hardest = float(np.nanmax(np.abs(effort[inside])))
         lasted = float(time[last] - time[first]) + period
-        found.append(Contact(float(time[first]), lasted, hardest, deepest, first, last))
-    return found
+        contacts.append(Contact(float(time[first]), lasted, hardest, deepest, first, last))
+    return contacts
 
 
 def united(contacts: Sequence[Contact]) -> list[tuple[float, float]]:

@@ -68,10 +68,10 @@ class Judged(NamedTuple):
         """What it generated too much, with both numbers; empty if it passed."""
         if self.passed:
             return ""
-        given, taken = quantity(self.rise.given, "J", 3), quantity(self.rise.taken, "J", 3)
+        supplied, taken = quantity(self.rise.given, "J", 3), quantity(self.rise.taken, "J", 3)
         claims = f"claims {quantity(self.claim, 'J', 3)}" if self.claim > 0.0 else "claims nothing"
         text = (
-            f"{self.name}: it gave {given} more than the damping of its devices, by its lower "
+            f"{self.name}: it gave {supplied} more than the damping of its devices, by its lower "
             f"bounds, could have dissipated ({taken} in all); it {claims}"
         )
         if self.rise.lasting:
@@ -98,21 +98,21 @@ def judged_of(run: Run, rig: Rig) -> Iterator[Judged]:
     One of two sites sees half of a coupling, and is not judged by it.
     """
     if rig.scene is not None:
-        given = report_hooks().given(run)
-        found = None
-        if given is not None:
-            found = _given_since_start(run, rig, dict.fromkeys(rig.axes, 1.0), given)
-        if found is not None:
-            yield Judged(SCENE, "sum", found, report_hooks().claim(rig))
+        supplied = report_hooks().given(run)
+        rise = None
+        if supplied is not None:
+            rise = _given_since_start(run, rig, dict.fromkeys(rig.axes, 1.0), supplied)
+        if rise is not None:
+            yield Judged(SCENE, "sum", rise, report_hooks().claim(rig))
         return
     if run.site is not None or coupling_part(rig).claim:
         return
     spring = is_spring(rig)
     for pair in run.pairs:
-        found = coupled_rise(run, rig, pair) if spring else summed_rise(run, rig, pair)
-        if found is not None:
+        rise = coupled_rise(run, rig, pair) if spring else summed_rise(run, rig, pair)
+        if rise is not None:
             claim = stall_claim(rig, pair) if spring else 0.0
-            yield Judged(f"coupling of {pair}", "spring" if spring else "sum", found, claim)
+            yield Judged(f"coupling of {pair}", "spring" if spring else "sum", rise, claim)
 
 
 def summed_rise(run: Run, rig: Rig, pair: str) -> Rise | None:

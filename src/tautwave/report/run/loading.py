@@ -80,12 +80,12 @@ def _attach(run: Run, path: Path) -> None:
 
     if not path.is_file():
         raise RecordingError(f"{path.name} is missing")
-    found = read_recording(path, rows=slice(0, 1))
-    run.columns, run.metadata = found.columns, found.metadata
+    recording = read_recording(path, rows=slice(0, 1))
+    run.columns, run.metadata = recording.columns, recording.metadata
     if "time_s" not in run.columns:
         raise RecordingError(f"{path.name} has no column time_s")
     # A whole file says at its end how long it is, and is then read in one go.
-    written = number(found.ending.get("rows_written"))
+    written = number(recording.ending.get("rows_written"))
     most = WHOLE_CELLS / len(run.columns)
     if written is not None and written <= most:
         clock = run.whole = read_recording(path)
@@ -106,8 +106,8 @@ def _attach(run: Run, path: Path) -> None:
             f"{clock.missing_rows} cycles between the first and the last row are not in the "
             "recording; figures bridge them with straight lines."
         )
-    if not run.rig_text and "rig.yaml" in found.attachments:
-        run.rig_text = found.attachments["rig.yaml"].decode("utf-8", errors="replace")
+    if not run.rig_text and "rig.yaml" in recording.attachments:
+        run.rig_text = recording.attachments["rig.yaml"].decode("utf-8", errors="replace")
         run.rig = _rig(run.rig_text, run.notes)
         run.notes.append("rig.yaml is missing; the copy inside the recording was used.")
 

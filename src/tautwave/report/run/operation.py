@@ -67,20 +67,20 @@ def collapsed(entries: Sequence[Entry]) -> list[Repeated]:
     Faults and refusals count as repeats wherever they come, everything else where nothing is left
     between.
     """
-    found: dict[int, list[Entry]] = {}
+    alike: dict[int, list[Entry]] = {}
     places: dict[tuple[object, ...], int] = {}
     last: tuple[object, ...] = ()
     for one in entries:
         key = (one.word, one.source, one.state, one.text, one.refused)
         event = one.severity == "note"
         if key in places and (event or key == last):
-            found[places[key]].append(one)
+            alike[places[key]].append(one)
         else:
-            places[key] = len(found)
-            found[places[key]] = [one]
+            places[key] = len(alike)
+            alike[places[key]] = [one]
         if not event:
             last = key
-    return [(same[0], len(same), same[-1].at_s) for same in found.values()]
+    return [(same[0], len(same), same[-1].at_s) for same in alike.values()]
 
 
 def _again(times: int, last: float) -> str:

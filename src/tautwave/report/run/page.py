@@ -280,7 +280,7 @@ def _reproduce(run: Run) -> Iterator[Markup]:
         folder, clock, folder
     )
     version = summary.version or run.metadata.get("version")
-    said = f"tautwave {version}" if version else "version not recorded"
-    yield Markup('<p class="soft">{}</p>').format(said)
+    version_text = f"tautwave {version}" if version else "version not recorded"
+    yield Markup('<p class="soft">{}</p>').format(version_text)
     if run.rig_text:
         yield details("The resolved rig, rig.yaml", run.rig_text)

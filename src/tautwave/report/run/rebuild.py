@@ -73,15 +73,15 @@ def _motors(run: Run, pairs: dict[str, Any]) -> dict[str, float]:
     """Return the energy all motors delivered, net and at worst, and their allowed debt [J]."""
     axes = [f"{side}.{pair}" for pair in pairs for side in run.sides]
     axes += [f"master.{port}" for port in run.ports]
-    given = given_energy(run, axes) if axes else None
-    if given is None or not np.isfinite(given).all():
+    supplied = given_energy(run, axes) if axes else None
+    if supplied is None or not np.isfinite(supplied).all():
         return {}
-    moment = worst_moment(run, given)
-    found = {f"motors_{key}": moment[key] for key in ("net", "worst")}
+    moment = worst_moment(run, supplied)
+    energies = {f"motors_{key}": moment[key] for key in ("net", "worst")}
     motors = [block(pair, "motors") for pair in pairs.values()]
     if motors and all("stated_debt" in each for each in motors):
-        found["stated_debt"] = sum(float(each["stated_debt"]) for each in motors)
-    return found
+        energies["stated_debt"] = sum(float(each["stated_debt"]) for each in motors)
+    return energies
 
 
 def _known(value: float) -> float | None:
@@ -95,8 +95,8 @@ def spread(values: Floats) -> dict[str, float]:
     if known.size == 0:
         return {}
     # `known` is already a copy; sorting it in place saves another one.
-    found = np.percentile(known, list(_PERCENTILES.values()), overwrite_input=True)
-    percentiles = dict(zip(_PERCENTILES, found.tolist(), strict=True))
+    values_at = np.percentile(known, list(_PERCENTILES.values()), overwrite_input=True)
+    percentiles = dict(zip(_PERCENTILES, values_at.tolist(), strict=True))
     return {**percentiles, "max": float(known.max())}
 
 
@@ -201,11 +201,11 @@ def _delayed_error(run: Run, pair: str) -> Floats | None:
     if len(read) < 2 or not 0 < late < run.rows:
         return None
     error, master = read.values()
-    found = error[late:] - master[late:] + master[:-late]
+    delayed = error[late:] - master[late:] + master[:-late]
     engaged = engaged_rows(run)
     if engaged is not None:
-        found = found[engaged[late:]]
-    return found if np.isfinite(found).any() else None
+        delayed = delayed[engaged[late:]]
+    return delayed if np.isfinite(delayed).any() else None
 
 
 def _expected_offset(run: Run, pair: str) -> float | None:
@@ -219,9 +219,9 @@ def _expected_offset(run: Run, pair: str) -> float | None:
     if each is None or effort is None or not np.isfinite(run.rate_hz):
         return None
     size = min(len(effort), max(1, round((0.02 + delay_of(run, pair)) * run.rate_hz)))
-    held = effort[: len(effort) // size * size].reshape(-1, size).mean(axis=1)
-    held = np.abs(held[np.isfinite(held)])
-    return each * float(held.max()) if held.size else None
+    sustained = effort[: len(effort) // size * size].reshape(-1, size).mean(axis=1)
+    sustained = np.abs(sustained[np.isfinite(sustained)])
+    return each * float(sustained.max()) if sustained.size else None
 
 
 def _element(run: Run, pair: str, element: str, balance: Balance) -> dict[str, float]:

@@ -110,9 +110,9 @@ class Run:
     def rate_hz(self) -> float:
         """Loop rate [Hz], NaN if unknown."""
         known = (self.rig.get("rate_hz"), self.result.rate_hz, self.metadata.get("rate_hz"))
-        for given in known:
+        for stated in known:
             try:
-                rate = float(given)  # type: ignore[arg-type]
+                rate = float(stated)  # type: ignore[arg-type]
             except (TypeError, ValueError):
                 continue
             if rate > 0.0 and math.isfinite(rate):

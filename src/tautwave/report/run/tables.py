@@ -156,16 +156,16 @@ def contact_table(view: PairView) -> list[Table]:
     }
     tables = []
     for cause, title in titles.items():
-        found = view.contacts.get(cause, [])
-        if not found:
+        contacts = view.contacts.get(cause, [])
+        if not contacts:
             continue
         side = "master" if cause == "wall_master" else "slave"
         position, effort = view.units[side]
-        shown = found
+        shown = contacts
         note = ""
-        if len(found) > MAX_CONTACTS:
-            shown = sorted(sorted(found, key=lambda c: -c.peak_effort)[:MAX_CONTACTS])
-            note = f"The hardest {MAX_CONTACTS} of {count(len(found))}."
+        if len(contacts) > MAX_CONTACTS:
+            shown = sorted(sorted(contacts, key=lambda c: -c.peak_effort)[:MAX_CONTACTS])
+            note = f"The hardest {MAX_CONTACTS} of {count(len(contacts))}."
         rows = tuple(
             (
                 f"{contact.start_s:.3f} s",
@@ -178,7 +178,7 @@ def contact_table(view: PairView) -> list[Table]:
             for contact in shown
         )
         head = ("start", "duration", "peak effort", "peak depth")
-        tables.append(Table(f"{title}: {count(len(found))}", head, rows, note))
+        tables.append(Table(f"{title}: {count(len(contacts))}", head, rows, note))
     return tables
 
 
@@ -224,8 +224,14 @@ def timing_table(run: Run) -> Table:
         "compute per cycle": run.result.compute_us,
     }
     rows = tuple(
-        (text, *(microseconds(one) for one in (found.p50, found.p99, found.p999, found.max)))
-        for text, found in named.items()
+        (
+            text,
+            *(
+                microseconds(one)
+                for one in (percentiles.p50, percentiles.p99, percentiles.p999, percentiles.max)
+            ),
+        )
+        for text, percentiles in named.items()
     )
     return Table("Times", ("", "p50", "p99", "p99.9", "max"), rows)
 

@@ -249,9 +249,9 @@ def _touch_one(
     depth = None
     if position is not None and edge is not None:
         depth = edge - position if below else position - edge
-    found = find_contacts(time, effort, depth)
-    view.contacts[cause] = found
-    strongest = sorted(found, key=lambda c: -c.peak_effort)[:6]
+    contacts = find_contacts(time, effort, depth)
+    view.contacts[cause] = contacts
+    strongest = sorted(contacts, key=lambda c: -c.peak_effort)[:6]
     across = depth if depth is not None else position
     if across is None:
         return

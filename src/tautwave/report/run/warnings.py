@@ -38,8 +38,8 @@ class Warned(NamedTuple):
 def with_warnings(run: Run) -> Summary:
     """Return a run's summary with `warnings`: sentences on what the rig does not expect."""
     expected = run.rig.get("expect") or ()
-    said = tuple(one.sentence for one in warnings_of(run) if one.kind not in expected)
-    return run.result.model_copy(update={"warnings": said})
+    sentences = tuple(one.sentence for one in warnings_of(run) if one.kind not in expected)
+    return run.result.model_copy(update={"warnings": sentences})
 
 
 def warnings_of(run: Run) -> Iterator[Warned]:
@@ -68,15 +68,15 @@ def _apart(run: Run, pair: str) -> Iterator[Warned]:
     """Yield a warning of a pair that is further apart than its coupling explains."""
     figures = run.result_of(pair)
     error = figures.delayed_error or figures.position_error
-    found, offset = None if error is None else error.rms, figures.expected_offset
-    if found is None or offset is None:
+    measured, offset = None if error is None else error.rms, figures.expected_offset
+    if measured is None or offset is None:
         return
     steps = STEPS * encoder_step(run, pair)
-    if found > EXPLAINED * abs(offset) + steps:
+    if measured > EXPLAINED * abs(offset) + steps:
         position, _ = axis_units(kind_of(run, pair))
         yield Warned(
             "position_error",
-            f"{pair}: its ends were {quantity(found, position, 3)} apart (rms, delay and scale "
+            f"{pair}: its ends were {quantity(measured, position, 3)} apart (rms, delay and scale "
             f"taken out), and its coupling explains {quantity(abs(offset), position, 3)} at the "
             "largest held effort.",
         )
