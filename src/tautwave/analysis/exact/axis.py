@@ -166,14 +166,14 @@ def _without(p: poly.Poly, q: poly.Poly) -> poly.Poly:
 def _limits(k: Rational) -> list[tuple[float, float]]:
     """Return (w, phase) on both sides of every zero and pole on the axis, at 0 and at infinity."""
     zeros, poles = dict(axis_roots(k.num)), dict(axis_roots(k.den))
-    found = [(math.inf, _wrapped(-90.0 * k.relative_degree + (180.0 if k.num[0] < 0 else 0.0)))]
+    limits = [(math.inf, _wrapped(-90.0 * k.relative_degree + (180.0 if k.num[0] < 0 else 0.0)))]
     for w in sorted({0.0, *zeros, *poles}):
         s, m, n = 1j * w, zeros.get(w, 0), poles.get(w, 0)
         factor = _degrees(leading(k.num, s, m) / leading(k.den, s, n))
-        found.append((w, _wrapped(factor + 90.0 * (m - n))))
+        limits.append((w, _wrapped(factor + 90.0 * (m - n))))
         if w:
-            found.append((w, _wrapped(factor - 90.0 * (m - n))))
-    return found
+            limits.append((w, _wrapped(factor - 90.0 * (m - n))))
+    return limits
 
 
 def _wrapped(degrees: float) -> float:
@@ -187,10 +187,10 @@ def _least(top: poly.Poly, bottom: poly.Poly) -> tuple[float, float]:
     lead = float(top[0] / bottom[0])
     far = [0.0, lead, math.copysign(math.inf, lead)][1 + _sign(len(top) - len(bottom))]
     start = float(top[-1] / bottom[-1]) if bottom[-1] else math.copysign(math.inf, float(top[-1]))
-    found = [(far, math.inf), (start, 0.0)]
+    candidates = [(far, math.inf), (start, 0.0)]
     for root in poly.positive_roots(bottom):
         side = math.copysign(math.inf, float(poly.evaluate(top, root.high)))
-        found.append((side, math.sqrt(root.value)))
+        candidates.append((side, math.sqrt(root.value)))
     turning = poly.add(
         poly.multiply(poly.derivative(top), bottom),
         poly.scale(poly.multiply(top, poly.derivative(bottom)), -1),
@@ -198,8 +198,8 @@ def _least(top: poly.Poly, bottom: poly.Poly) -> tuple[float, float]:
     for root in poly.positive_roots(turning):
         if below := poly.evaluate(bottom, root.high):
             value = float(poly.evaluate(top, root.high) / below)
-            found.append((value, math.sqrt(root.value)))
-    return min(found)
+            candidates.append((value, math.sqrt(root.value)))
+    return min(candidates)
 
 
 def _sign(value: int) -> int:

@@ -86,12 +86,12 @@ def rightmost_roots(loop: DelayLoop, count: int = 4, nodes: int = 24) -> Complex
         generator[:size, -size:] = there
         guesses = np.linalg.eigvals(generator)
     order = np.argsort(-guesses.real)
-    found: list[complex] = []
+    roots: list[complex] = []
     for guess in guesses[order][: 4 * count + 8]:
         root = refine_root(loop, complex(guess) * scale)
-        if root.imag >= -1e-9 * scale and not any(abs(root - r) < 1e-7 * abs(r) for r in found):
-            found.append(complex(root.real, max(root.imag, 0.0)))
-    return np.array(sorted(found, key=lambda r: -r.real)[:count], np.complex128)
+        if root.imag >= -1e-9 * scale and not any(abs(root - r) < 1e-7 * abs(r) for r in roots):
+            roots.append(complex(root.real, max(root.imag, 0.0)))
+    return np.array(sorted(roots, key=lambda r: -r.real)[:count], np.complex128)
 
 
 def refine_root(loop: DelayLoop, guess: complex) -> complex:

@@ -107,8 +107,8 @@ def positive_real(k: Rational) -> PositiveReal:
     axis = axis_poles(k)
     touches = _touches(k, top, bottom, roots)
     strictness = _strictness(top, touches, axis) if verdict else NOT
-    found = PositiveReal(verdict, strictness, unstable, axis, negative, touches, "")
-    return found._replace(reason=_praise(found) if verdict else _reason(found))
+    decision = PositiveReal(verdict, strictness, unstable, axis, negative, touches, "")
+    return decision._replace(reason=_praise(decision) if verdict else _reason(decision))
 
 
 class Edge(NamedTuple):
@@ -128,13 +128,13 @@ def negative_intervals(top: Poly, roots: list[Root] | None = None) -> list[tuple
     if not top:
         return []
     roots = poly.positive_roots(top) if roots is None else roots
-    found: list[tuple[Edge, Edge]] = []
+    intervals: list[tuple[Edge, Edge]] = []
     for low, high in pairwise(_edges(roots)):
         if poly.evaluate(top, between(low, high)) < 0:
-            if found and _is_even(roots, low):
-                low = found.pop()[0]
-            found.append((low, high))
-    return found
+            if intervals and _is_even(roots, low):
+                low = intervals.pop()[0]
+            intervals.append((low, high))
+    return intervals
 
 
 def between(low: Edge, high: Edge) -> Fraction:
@@ -149,15 +149,15 @@ def between(low: Edge, high: Edge) -> Fraction:
 
 def axis_poles(k: Rational) -> tuple[AxisPole, ...]:
     """Return the poles of K on the imaginary axis, rising, then the one at infinity if any."""
-    found = []
+    poles = []
     for w, multiplicity in axis_roots(k.den):
         s = 1j * w
-        found.append(
+        poles.append(
             AxisPole(w, multiplicity, leading(k.num, s, 0) / leading(k.den, s, multiplicity))
         )
     if k.relative_degree < 0:
-        found.append(AxisPole(math.inf, -k.relative_degree, complex(k.num[0] / k.den[0])))
-    return tuple(found)
+        poles.append(AxisPole(math.inf, -k.relative_degree, complex(k.num[0] / k.den[0])))
+    return tuple(poles)
 
 
 def axis_roots(p: Poly) -> list[tuple[float, int]]:
@@ -168,8 +168,8 @@ def axis_roots(p: Poly) -> list[tuple[float, int]]:
     at_zero = len(p) - len(rest)
     even, odd = poly.even_odd(rest)
     common = poly.gcd(even, odd)
-    found = [(math.sqrt(r.value), r.multiplicity) for r in poly.positive_roots(common)]
-    return ([(0.0, at_zero)] if at_zero else []) + found
+    roots = [(math.sqrt(r.value), r.multiplicity) for r in poly.positive_roots(common)]
+    return ([(0.0, at_zero)] if at_zero else []) + roots
 
 
 def leading(p: Poly, s: complex, multiplicity: int) -> complex:
@@ -202,13 +202,13 @@ def _last_gap(p: Poly) -> tuple[Edge, Edge]:
 def _touches(k: Rational, top: Poly, bottom: Poly, roots: list[Root]) -> tuple[float, ...]:
     if not top:
         return ()
-    found = [math.sqrt(r.value) for r in roots if not r.multiplicity % 2]
+    touches = [math.sqrt(r.value) for r in roots if not r.multiplicity % 2]
     if not top[-1]:
-        found.insert(0, 0.0)
+        touches.insert(0, 0.0)
     # Slower than Re K may vanish at infinity: w**-2 below a simple zero, not at all below a pole.
     if len(bottom) - len(top) > (k.relative_degree == 1):
-        found.append(math.inf)
-    return tuple(found)
+        touches.append(math.inf)
+    return tuple(touches)
 
 
 def _strictness(top: Poly, touches: tuple[float, ...], axis: tuple[AxisPole, ...]) -> str:

@@ -156,10 +156,10 @@ def _rough(motion: Motion, model: str) -> tuple[tuple[float, ...], int] | None:
                 rate = side * v * (power if model == "hunt_crossley" else touching)
                 parts = [one, power, rate, *([touching] if model == "preloaded" else [])]
                 columns = np.stack(parts, axis=1)
-                found = solve(columns, target)
-                if model == "preloaded" and found[1] * found[3] < 0.0:
+                coefficients = solve(columns, target)
+                if model == "preloaded" and coefficients[1] * coefficients[3] < 0.0:
                     continue
-                cost = float(np.sum((target - columns @ found) ** 2))
+                cost = float(np.sum((target - columns @ coefficients) ** 2))
                 if best is None or cost < best[0]:
                     theta = (float(place), n) if model == "hunt_crossley" else (float(place),)
                     best = (cost, theta, side)
@@ -267,8 +267,8 @@ def _finish(motion: Motion, model: str, theta: Sequence[float] | Array, side: in
         return columns
 
     columns = columns_at(theta)
-    found = solve(columns, motion.target)
-    predicted = columns @ found
+    coefficients = solve(columns, motion.target)
+    predicted = columns @ coefficients
     residual = motion.target - predicted
     slopes = [columns]
     for at, step in zip(
@@ -277,13 +277,15 @@ def _finish(motion: Motion, model: str, theta: Sequence[float] | Array, side: in
         ahead, behind = list(theta), list(theta)
         ahead[at] += step
         behind[at] -= step
-        slopes.append(((columns_at(ahead) - columns_at(behind)) @ found / (2.0 * step))[:, None])
-    values = [*(float(value) for value in found), *theta]
+        slopes.append(
+            ((columns_at(ahead) - columns_at(behind)) @ coefficients / (2.0 * step))[:, None]
+        )
+    values = [*(float(value) for value in coefficients), *theta]
     estimates = intervals(np.concatenate(slopes, axis=1), residual, values)
-    sign = 1.0 if found[1] >= 0.0 else -1.0
+    sign = 1.0 if coefficients[1] >= 0.0 else -1.0
     working = estimates[1].scaled(sign)
     parameters = {"stiffness": working}
-    elastic = found[1] * columns[:, 1]
+    elastic = coefficients[1] * columns[:, 1]
     if model == "hunt_crossley":
         exponent = theta[1]
         parameters["stiffness"] = working.scaled(deep ** (1.0 - exponent) / exponent)
@@ -294,11 +296,11 @@ def _finish(motion: Motion, model: str, theta: Sequence[float] | Array, side: in
         parameters["mass"] = estimates[3].scaled(sign)
     if model == "preloaded":
         parameters["preload"] = estimates[3].scaled(sign)
-        elastic = elastic + found[3] * columns[:, 3]
+        elastic = elastic + coefficients[3] * columns[:, 3]
     touching = np.ones(len(motion.rows), dtype=bool)
     if side:
         touching = motion.filtered((depth > 0.0).astype(np.float64)) > 0.5
-        surface = estimates[len(found)]
+        surface = estimates[len(coefficients)]
         if model == "preloaded":  # noise moves the jump, which no derivative of the fit sees
             noise = 0.5 * white_noise(motion.position)
             surface = Estimate(surface.value, surface.lower - noise, surface.upper + noise)

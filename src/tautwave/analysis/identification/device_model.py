@@ -112,18 +112,18 @@ def fit_device(
         use &= kernel.mass(~known) < 1e-3
     signs = kernel.apply(sign)
     felt = None if outside is None else kernel.apply(outside)
-    rows, columns, target, found = _solve_rows(
+    rows, columns, target, coefficients = _solve_rows(
         kernel, position, effort, delay, signs, use, noise, felt
     )
-    total = effort if outside is None else effort + found[4] * outside
-    stuck = _may_stick(velocity, total, delay, found[:4], sharp)
+    total = effort if outside is None else effort + coefficients[4] * outside
+    stuck = _may_stick(velocity, total, delay, coefficients[:4], sharp)
     moving = use & (kernel.mass(stuck) < STUCK_SHARE)
     if np.count_nonzero(moving) > 0.3 * np.count_nonzero(use):
-        rows, columns, target, found = _solve_rows(
+        rows, columns, target, coefficients = _solve_rows(
             kernel, position, effort, delay, signs, moving, noise, felt
         )
-    residual = target - columns @ found
-    inertia, damping, coulomb, bias, *scale = intervals(columns, residual, list(found))
+    residual = target - columns @ coefficients
+    inertia, damping, coulomb, bias, *scale = intervals(columns, residual, list(coefficients))
     inertia, damping, coulomb = (_widened(e) for e in (inertia, damping, coulomb))
     return DeviceFit(
         inertia,
@@ -135,7 +135,7 @@ def fit_device(
         float(np.max(np.abs(columns[:, 1]))),
         np.asarray((rows + kernel.half) * period, dtype=np.float64),
         target,
-        columns @ found,
+        columns @ coefficients,
         scale[0] if scale else None,
     )
 

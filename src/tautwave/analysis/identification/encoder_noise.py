@@ -152,8 +152,8 @@ def _drift(position: Array, period: float, known: NDArray[np.bool_]) -> Array:
     at = np.arange(len(position), dtype=np.float64)
     columns = np.stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))], axis=1)
     origin = float(np.median(position[known]))
-    found = np.linalg.lstsq(columns[known], position[known] - origin, rcond=None)[0]
-    return np.asarray(origin + columns @ found, dtype=np.float64)
+    coefficients = np.linalg.lstsq(columns[known], position[known] - origin, rcond=None)[0]
+    return np.asarray(origin + columns @ coefficients, dtype=np.float64)
 
 
 def _refuse_motion(

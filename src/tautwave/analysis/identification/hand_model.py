@@ -33,11 +33,11 @@ def fit_hand(motion: Motion, intent: Array) -> ContactFit:
         ],
         axis=1,
     )
-    found = solve(columns, motion.target)
-    residual = motion.target - columns @ found
-    sign = 1.0 if found[1] >= 0.0 else -1.0
-    offset, stiffness, damping, mass = intervals(columns, residual, list(found))
-    elastic = found[1] * columns[:, 1]
+    coefficients = solve(columns, motion.target)
+    residual = motion.target - columns @ coefficients
+    sign = 1.0 if coefficients[1] >= 0.0 else -1.0
+    offset, stiffness, damping, mass = intervals(columns, residual, list(coefficients))
+    elastic = coefficients[1] * columns[:, 1]
     spread = float(np.var(motion.target))
     return ContactFit(
         "hand",
@@ -56,7 +56,7 @@ def fit_hand(motion: Motion, intent: Array) -> ContactFit:
         np.asarray((motion.rows + motion.kernel.half) * motion.kernel.period, dtype=np.float64),
         motion.filtered(motion.position),
         motion.target,
-        np.asarray(columns @ found, dtype=np.float64),
+        np.asarray(columns @ coefficients, dtype=np.float64),
         np.ones(len(motion.rows), dtype=bool),
         columns,
     )

@@ -141,7 +141,7 @@ def fit_weights(
     trust = np.zeros(whole.shape[1])
     trust[: len(spans)] = 1.0
     values, halves = _with_belief(rows[:, None] * whole, rows * target, trust)
-    found = [
+    fitted = [
         Estimate(float(s * v), float(s * (v - h)), float(s * (v + h)))
         for v, h, s in zip(values, halves, spans, strict=False)
     ]
@@ -151,7 +151,7 @@ def fit_weights(
     ]
     plain = target - frictions @ solve(frictions, target)
     return WeightFit(
-        tuple(found),
+        tuple(fitted),
         tuple(rest[0::3]),
         tuple(rest[1::3]),
         tuple(_rms(part) for part in np.split(plain, ends)),

@@ -60,15 +60,15 @@ def implausible(values: Mapping[str, float], rotary: bool | None) -> list[str]:
     rotary : bool, optional
         Kind of the axis.
     """
-    found = []
+    sentences = []
     for name, value in values.items():
         bound = bound_of(name, rotary)
         if bound is None or bound.least <= abs(value) <= bound.greatest:
             continue
         unit = f" {bound.unit}" if bound.unit else ""
-        found.append(
+        sentences.append(
             f"Doubtful: {name.replace('_', ' ')} {value:.3g}{unit} is outside the plausible range "
             f"({bound.least:g} to {bound.greatest:g}); check the units of time (--time-unit), "
             "position and effort, and which columns were taken."
         )
-    return found
+    return sentences

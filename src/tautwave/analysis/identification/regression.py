@@ -122,8 +122,8 @@ def solve(columns: Array, target: Array) -> Array:
     """Least-squares coefficients, columns scaled to one size first."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0
-    found = np.linalg.lstsq(columns / size, target, rcond=1e-12)[0]
-    return np.asarray(found / size, dtype=np.float64)
+    scaled = np.linalg.lstsq(columns / size, target, rcond=1e-12)[0]
+    return np.asarray(scaled / size, dtype=np.float64)
 
 
 def intervals(
@@ -226,6 +226,6 @@ class RecursiveLeastSquares:
             new[at:] = cosine * new[at:] - sine * old
         diagonal = np.abs(np.diag(root)[:size])
         if diagonal.min() > 1e-9 * diagonal.max():
-            found = np.linalg.solve(root[:size, :size], root[:size, size])
-            self.coefficients = found / self._scales
+            coefficients = np.linalg.solve(root[:size, :size], root[:size, size])
+            self.coefficients = coefficients / self._scales
         return self.coefficients

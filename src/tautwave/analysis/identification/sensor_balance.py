@@ -88,8 +88,8 @@ def find_rests(
         Step of what is shown [N m or N].
     """
     rows = list(_still(position, motor, shown, window, play, quantum))
-    found = np.array(rows, dtype=np.float64).reshape(len(rows), 3)
-    return Rests(found[:, 0], found[:, 1], found[:, 2])
+    windows = np.array(rows, dtype=np.float64).reshape(len(rows), 3)
+    return Rests(windows[:, 0], windows[:, 1], windows[:, 2])
 
 
 def _still(

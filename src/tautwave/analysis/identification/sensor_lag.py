@@ -79,8 +79,8 @@ def _refined(
     if bend <= 0.0:
         return best
     lag = max(lag + step * float(np.clip(0.5 * (low - high) / bend, -1.0, 1.0)), least)
-    found = _fit(seen, name, lag)
-    return best if found is None else (lag, found)
+    at_lag = _fit(seen, name, lag)
+    return best if at_lag is None else (lag, at_lag)
 
 
 def _least_lag(fit: ContactFit) -> float | None:
@@ -105,5 +105,5 @@ def _interval(seen: Recorded, fit: ContactFit, lag: float) -> Estimate:
         return Estimate(lag, 0.0, MAX_LAG_S)
     more, less = (np.asarray(end.model) for end in ends if end is not None)
     slope = (more - less) / (2.0 * step)
-    [found] = intervals(slope[:, None], fit.effort - fit.model, [lag])
-    return Estimate(lag, max(found.lower, 0.0), found.upper)
+    [interval] = intervals(slope[:, None], fit.effort - fit.model, [lag])
+    return Estimate(lag, max(interval.lower, 0.0), interval.upper)

@@ -86,7 +86,8 @@ class StabilityPlane(NamedTuple):
     def disagreement(self) -> float:
         """Greatest relative distance of a simulated boundary from the predicted one [1]."""
         return max(
-            (abs(found / predicted - 1.0) for _, found, predicted in self.edges), default=0.0
+            (abs(simulated / predicted - 1.0) for _, simulated, predicted in self.edges),
+            default=0.0,
         )
 
 
@@ -123,14 +124,14 @@ def stability_plane(
     for at, column in enumerate(columns):
         delay = column.wall.delay + column.device.command_delay
         passive.append(greatest_stiffness(column.wall._replace(delay=delay), column.own_damping))
-        found = stable_stiffness(column.wall, column.device)
-        stable.append(found.limit)
-        predicted.append(_within(found, stiffness))
+        limit = stable_stiffness(column.wall, column.device)
+        stable.append(limit.limit)
+        predicted.append(_within(limit, stiffness))
         growth = simulated_growths(column.wall, column.device, stiffness)
         growths.append(growth)
         places = _changes(column, stiffness, growth <= GROWING)
         simulated.append(places[0] if places and growth[0] <= GROWING else math.nan)
-        ends = [end for band in found.bands for end in band if 0.0 < end < math.inf]
+        ends = [end for band in limit.bands for end in band if 0.0 < end < math.inf]
         edges += [(column.x, place, _nearest(place, ends)) for place in places if ends]
         if progress is not None:
             progress((at + 1) / len(columns))

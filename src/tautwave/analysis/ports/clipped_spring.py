@@ -235,13 +235,13 @@ def _between(degree: int, points: int, spread: float, bent: float = math.inf) ->
 def linear_lack(spring: Spring, damping: tuple[float, float] = (0.0, 0.0)) -> Lack:
     """Return what devices lack for a spring that is never clipped; whole periods only."""
     answers, points = _answers_at(spring)
-    found, worst, spread = _never_clipped(spring, answers, damping).greatest()
+    lack, worst, spread = _never_clipped(spring, answers, damping).greatest()
     degree = len(spring.tails)
     slots = np.arange(1.0, degree + 1.0)
     sizes = np.linalg.norm(spring.tails, axis=(1, 2))
     bent = spring.period * float(np.sum(slots * slots * sizes))
     more = _between(degree, points, spread, bent) + 2.0 * spring.period * spring.rest
-    return Lack(found + more, 2.0 * math.pi * worst / points)
+    return Lack(lack + more, 2.0 * math.pi * worst / points)
 
 
 def clipped_lack(spring: Spring, damping: tuple[float, float] = (0.0, 0.0)) -> float:
@@ -265,8 +265,8 @@ def clipped_lack(spring: Spring, damping: tuple[float, float] = (0.0, 0.0)) -> f
 
     _, one = _lowest(lambda one: of_one(one)[0])
     _, two = of_one(one)
-    found, _, spread = whole.form(one, two).greatest()
-    return min(closed, found + _between(len(spring.tails), points, spread))
+    lack, _, spread = whole.form(one, two).greatest()
+    return min(closed, lack + _between(len(spring.tails), points, spread))
 
 
 class _Phased(NamedTuple):

@@ -63,8 +63,8 @@ def merged_matrix(master: RatedEnd, slave: RatedEnd, samples: int) -> Matrix:
             merged.append(known[block])
     spread = np.eye(max(merged) + 1)[merged]
     mean: Matrix = spread.T / spread.sum(axis=0)[:, None]
-    found: Matrix = mean @ _driven(master, slave, samples, spread)
-    return found
+    matrix: Matrix = mean @ _driven(master, slave, samples, spread)
+    return matrix
 
 
 def _lines(master: RatedEnd, slave: RatedEnd) -> int:

@@ -159,18 +159,18 @@ def growing_root(controller: Controller, user: User, guess: complex) -> complex 
     if isinstance(controller, Sampled):
         return sampled_root(controller, *user)
     loop = closed_loop(controller, user.impedance())
-    found = [refine_root(loop, guess)]
+    roots = [refine_root(loop, guess)]
     if isinstance(controller, Rational):
         total = poly.add(loop.now, loop.late)
         if not poly.half_planes(total).right:
             return None
-        found += [refine_root(loop, complex(r)) for r in np.roots([float(c) for c in total])]
+        roots += [refine_root(loop, complex(r)) for r in np.roots([float(c) for c in total])]
         # Growth below rounding is still growth: Routh's count has shown it.
-        shown = _fastest(found) or guess
+        shown = _fastest(roots) or guess
         return complex(max(shown.real, math.ulp(abs(shown))), abs(shown.imag))
     if len(loop.late) < len(loop.now):
-        found += [complex(s) for s in rightmost_roots(loop, 2)]
-    best = _fastest(found)
+        roots += [complex(s) for s in rightmost_roots(loop, 2)]
+    best = _fastest(roots)
     return complex(best.real, abs(best.imag)) if best is not None and best.real > 0.0 else None
 
 
@@ -185,22 +185,22 @@ Guesses = Iterator[tuple[User, complex]]
 
 
 def _of_rational(k: Rational, share: float, least: float) -> tuple[Guesses, float, str]:
-    found = positive_real(k)
-    if found.positive_real:
-        return iter(()), 0.0, found.reason
-    if found.unstable_poles:
+    decision = positive_real(k)
+    if decision.positive_real:
+        return iter(()), 0.0, decision.reason
+    if decision.unstable_poles:
         pole = max(k.poles(), key=lambda p: p.real)
-        return _heavy(k, complex(pole), least), abs(complex(pole).imag), found.reason
-    if found.negative:
+        return _heavy(k, complex(pole), least), abs(complex(pole).imag), decision.reason
+    if decision.negative:
         where = _quickest(k, *_band(k), share, least)
         if where is None:
             where = passivity_margin(k).resistance_frequency
         if not 0.0 < where < math.inf:
             low, high = negative_intervals(resistance(k)[0])[0]
             where = math.sqrt(float(between(low, high)))
-        return _tuned(k, where, share, least), where, found.reason
+        return _tuned(k, where, share, least), where, decision.reason
     pole_at = next(p.frequency for p in axis_poles(k) if not p.allowed)
-    return _beside(k, pole_at), pole_at, found.reason
+    return _beside(k, pole_at), pole_at, decision.reason
 
 
 def _of_scan(k: Delayed | Sampled, share: float, least: float) -> tuple[Guesses, float, str]:

@@ -113,11 +113,11 @@ def _law(ends: tuple[LinearEnd, LinearEnd], samples: int, z: Complexes) -> Compl
     Found by pushing at either end in turn: what is commanded depends on what is seen alone.
     """
     across = z**-samples
-    found = [_end(end, z) for end in ends]
+    answers = [_end(end, z) for end in ends]
     seen, given = np.zeros((2, len(z), 2, 2), np.complex128)
-    loop = 1.0 - found[0].reflected * found[1].reflected * across**2
+    loop = 1.0 - answers[0].reflected * answers[1].reflected * across**2
     for at in (0, 1):
-        here, far = found[at], found[1 - at]
+        here, far = answers[at], answers[1 - at]
         leaving = here.left / loop
         # What arrives at the far end, and what comes back.
         there, back = across * leaving, across**2 * far.reflected * leaving

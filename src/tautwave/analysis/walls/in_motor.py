@@ -61,10 +61,10 @@ def least_damping(damper: Damper, device: float, period: float) -> float:
     `device` is its own viscous damping; both in [N m s/rad or N s/m]. Below 0 where the device has
     too little for the damper itself.
     """
-    found = _effective(damper, device, period)
-    if found is None:
+    effective = _effective(damper, device, period)
+    if effective is None:
         return device - damper_needs(damper)
-    return float(found.min()) * (1.0 - MARGIN)
+    return float(effective.min()) * (1.0 - MARGIN)
 
 
 def damping_for(damper: Damper, device: float, wall: SampledWall) -> float:
@@ -73,17 +73,17 @@ def damping_for(damper: Damper, device: float, wall: SampledWall) -> float:
     A wall passes with that viscous damping exactly if it passes with D at every frequency: it is
     the least of D L* / L, L what the wall needs at each frequency, and L* the most of it.
     """
-    found = _effective(damper, device, wall.period)
-    if found is None or split_delay(wall.delay)[1] > 0.0:
+    effective = _effective(damper, device, wall.period)
+    if effective is None or split_delay(wall.delay)[1] > 0.0:
         return device - damper_needs(damper)
     greatest = wall_leak(wall).damping
     if not 0.0 < greatest < math.inf:
-        return float(found.min()) * (1.0 - MARGIN)
+        return float(effective.min()) * (1.0 - MARGIN)
     transfer = wall_transfer(wall)
     top, bottom = reduce_fraction(transfer.numerator, transfer.denominator)
     needed = 0.5 * wall.period * leak_form(top, bottom, wall.delay).values(THETA)
     wants = needed > 1e-6 * greatest
-    return float((found[wants] * greatest / needed[wants]).min()) * (1.0 - MARGIN)
+    return float((effective[wants] * greatest / needed[wants]).min()) * (1.0 - MARGIN)
 
 
 @functools.lru_cache(maxsize=256)

@@ -41,8 +41,10 @@ def greatest_stiffness(wall: SampledWall, device_damping: float) -> float:
     0 if not even the least spring passes: the wall's damping or the delay is too much.
     """
     _check_damping(device_damping)
-    found = _greatest(wall._replace(stiffness=0.0), wall._replace(stiffness=1.0), device_damping)
-    return found if found > 0.0 else 0.0
+    stiffness = _greatest(
+        wall._replace(stiffness=0.0), wall._replace(stiffness=1.0), device_damping
+    )
+    return stiffness if stiffness > 0.0 else 0.0
 
 
 def greatest_damping(wall: SampledWall, device_damping: float) -> float:

@@ -172,14 +172,14 @@ class LeakForm(NamedTuple):
         slack = SLACK * scale
         while True:
             upper = math.nextafter(value + slack, math.inf)
-            found = find_negative(_shifted(powers, Fraction(upper)))
-            if found is None:
+            negative = find_negative(_shifted(powers, Fraction(upper)))
+            if negative is None:
                 return value, upper, 2.0 * math.asin(math.sqrt(best))
             slack *= 2.0  # ends even where the search cannot follow
-            ends = [math.sqrt(t) for t in found]
+            ends = [math.sqrt(t) for t in negative]
             spread = np.linspace(0.5 * ends[0], min(1.0, 2.0 * ends[1]), 65)
             near = self._climb(2.0 * np.arcsin(spread))
-            better = [*found, *map(Fraction, _places(near))]
+            better = [*negative, *map(Fraction, _places(near))]
             others = [(_exact(powers, t), float(t)) for t in better]
             value, best = max([(value, best), *others], key=_rank)
 
@@ -189,7 +189,7 @@ class LeakForm(NamedTuple):
         grid = np.concatenate(
             [np.geomspace(1e-7, 1e-2, 60), np.linspace(1e-2, math.pi, 6 * degree + 60)]
         )
-        found = [self._climb(grid)]
+        proposals = [self._climb(grid)]
         if not self.mixed and 3 < degree <= ALGEBRAIC:
             p, q, _ = (_floats(part, self.q) for part in self)
             slope = chebyshev.chebsub(
@@ -202,8 +202,8 @@ class LeakForm(NamedTuple):
             if len(slope) > 1:
                 roots = chebyshev.chebroots(slope)
                 real = roots.real[np.abs(roots.imag) < 1e-6]
-                found.append(np.arccos(np.clip(real, -1.0, 1.0)))
-        return np.concatenate(found)
+                proposals.append(np.arccos(np.clip(real, -1.0, 1.0)))
+        return np.concatenate(proposals)
 
     def _climb(self, grid: Floats) -> Floats:
         """Return the angle of the greatest y near the best point of a grid; shape (1,)."""

@@ -149,8 +149,8 @@ def stiffness_crossings(wall: SampledWall, device: Device) -> tuple[Crossing, ..
         step = _step(theta)
         return -_inverse(wall, device, step) - wall.damping * _velocity(wall, step)
 
-    found = _crossings(gain, _angles(wall, device), wall.period)
-    return tuple(sorted(at for at in found if at.gain > 0.0))
+    crossings = _crossings(gain, _angles(wall, device), wall.period)
+    return tuple(sorted(at for at in crossings if at.gain > 0.0))
 
 
 def _unstable_without_spring(wall: SampledWall, device: Device) -> int:
@@ -167,10 +167,10 @@ def _unstable_without_spring(wall: SampledWall, device: Device) -> int:
         step = _step(theta)
         return -_inverse(wall, device, step) / _velocity(wall, step)
 
-    found = _crossings(gain, _angles(wall, device), wall.period)
+    crossings = _crossings(gain, _angles(wall, device), wall.period)
     if wall.damping > 0.0:
-        return sum(at.outward for at in found if 0.0 < at.gain < wall.damping)
-    return drifting - sum(at.outward for at in found if wall.damping < at.gain < 0.0)
+        return sum(at.outward for at in crossings if 0.0 < at.gain < wall.damping)
+    return drifting - sum(at.outward for at in crossings if wall.damping < at.gain < 0.0)
 
 
 def _check(wall: SampledWall, device: Device) -> None:
@@ -281,15 +281,15 @@ def _with_dips(gain: Callable[[Floats], Complexes], theta: Floats) -> Floats:
     at = np.flatnonzero(inner & (value[1:-1] * value[2:] > 0)) + 1
     low, high, side = theta[at - 1], theta[at + 1], np.sign(value[at])
     share = np.linspace(0.0, 1.0, 9)[:, None]
-    found = [theta]
+    angles = [theta]
     for _ in range(20):
         points = low + share * (high - low)
         lowest = np.argmin(gain(points).imag * side, axis=0)
         columns = np.arange(len(at))
-        found.append(points[lowest, columns])
+        angles.append(points[lowest, columns])
         low = points[np.maximum(lowest - 1, 0), columns]
         high = points[np.minimum(lowest + 1, 8), columns]
-    return np.unique(np.concatenate(found))
+    return np.unique(np.concatenate(angles))
 
 
 def _polish(wall: SampledWall, device: Device, roots: Complexes) -> Complexes:

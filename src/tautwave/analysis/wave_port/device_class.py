@@ -112,12 +112,12 @@ def class_gain(
     if delay_periods > LATEST:
         return ClassGain(math.inf, math.pi, False)
     r = reflection(p, observer, delay_periods)
-    found = _proof(p, observer, delay_periods, devices)
-    if found.proved:
+    proof = _proof(p, observer, delay_periods, devices)
+    if proof.proved:
         return ClassGain(1.0, 0.0, True)
     if not r.locked:
         return ClassGain(math.inf, math.pi, False)
-    theta = POINTS if math.isnan(found.theta) else np.append(POINTS, found.theta)
+    theta = POINTS if math.isnan(proof.theta) else np.append(POINTS, proof.theta)
     gains = _reached(r, _folded(p, devices), theta)
     worst = int(np.argmax(gains))
     return ClassGain(max(float(gains[worst]), 1.0), float(theta[worst]), False)
@@ -151,10 +151,10 @@ def stiffest_spring(
         # Where one proof failed the next will, unless the spring is soft enough there.
         if not not_refused(r, _folded(p, tried), refused):
             continue
-        found = _proof(p, observer, delay_periods, tried)
-        if found.proved:
+        proof = _proof(p, observer, delay_periods, tried)
+        if proof.proved:
             return tried.stiffness
-        refused = np.array([found.theta] if found.theta > 0.0 else [])
+        refused = np.array([proof.theta] if proof.theta > 0.0 else [])
     return 0.0
 
 
@@ -215,5 +215,5 @@ def _reached(r: Reflection, device: Folded, theta: Float) -> Float:
         curve * np.abs(y) ** 2 + 2.0 * (slope * y).real + rest for curve, slope, rest in r.at(theta)
     )
     arriving = np.maximum(excess + leaving, 1e-30 * leaving)
-    found: Float = np.sqrt(np.max(leaving / arriving, axis=(0, 1)))
-    return found
+    gains: Float = np.sqrt(np.max(leaving / arriving, axis=(0, 1)))
+    return gains

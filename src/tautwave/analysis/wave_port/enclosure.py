@@ -147,19 +147,19 @@ def cosine_sums(rows: Float, centre: Float, half: Float | None) -> list[Enclosed
     if half is None:
         return [AtPoints(each) for each in rows @ np.cos(np.outer(k, centre))]
     derived = (rows * (1j * k) ** np.arange(ORDER)[:, None, None]).reshape(-1, len(k))
-    found = (derived @ np.exp(1j * np.outer(k, centre))).real.reshape(ORDER, len(rows), -1)
+    values = (derived @ np.exp(1j * np.outer(k, centre))).real.reshape(ORDER, len(rows), -1)
     sizes = np.abs(rows)
     # Rounding of k theta grows with k; the same share is lost in each derivative.
     lost = 4.0 * PAD * np.sum(sizes * (1.0 + k), axis=1)[:, None]
-    rest = np.zeros_like(found[0])
+    rest = np.zeros_like(values[0])
     step = half
     for at in range(2, ORDER):
         step = step * half / at
         most = (sizes @ k**at)[:, None] * (4.0 * PAD * len(k))
-        rest = rest + step * (np.abs(found[at]) + most)
+        rest = rest + step * (np.abs(values[at]) + most)
     rest = rest + step * half / ORDER * (sizes @ k**ORDER)[:, None]
     rest = rest * (1.0 + PAD) + lost * (1.0 + half)
-    return [Enclosed(half, *each) for each in zip(found[0], found[1], rest, strict=True)]
+    return [Enclosed(half, *each) for each in zip(values[0], values[1], rest, strict=True)]
 
 
 def sine_ratio(centre: Float, half: Float | None) -> Enclosed:

@@ -98,10 +98,10 @@ def lag_power(
     if observer.pole < 0.0 or math.isinf(effort_limit) or math.isinf(velocity_limit):
         return 0.0
     fastest = 2.0 * math.pi * min(FASTEST_HZ * p.period, 1.0 / SAMPLES)
-    found = swing_power(
+    swing = swing_power(
         p, observer, delay_periods, np.geomspace(SLOWEST * fastest, fastest, POINTS)
     )
     effort, velocity = SHARE * effort_limit, SHARE * velocity_limit
-    gained = found.vv * velocity**2 + found.ff * effort**2
-    power = 0.5 * (gained - 2.0 * np.abs(found.vf) * velocity * effort)
+    gained = swing.vv * velocity**2 + swing.ff * effort**2
+    power = 0.5 * (gained - 2.0 * np.abs(swing.vf) * velocity * effort)
     return max(-float(power.min()), 0.0)

@@ -153,41 +153,41 @@ def _plus(a: Poly, b: Poly) -> Poly:
 
 def _without_root_one(a: Poly) -> Poly:
     """Return a(q) / (1 - q); a standing lever has no velocity."""
-    found, total = [], Fraction(0)
+    quotient, total = [], Fraction(0)
     for each in a:
         total += each
-        found.append(total)
+        quotient.append(total)
     assert total == 0
-    return found[:-1]
+    return quotient[:-1]
 
 
 def _cosines(a: Poly, b: Poly) -> Poly:
     """Return Re(a conj(b)) as a sum of cosines."""
-    found = [Fraction(0)] * max(len(a), len(b))
+    sums = [Fraction(0)] * max(len(a), len(b))
     for i, left in enumerate(a):
         for j, right in enumerate(b):
-            found[abs(i - j)] += left * right
-    return found
+            sums[abs(i - j)] += left * right
+    return sums
 
 
 def _sines(a: Poly, b: Poly) -> Poly:
     """Return Im(a conj(b)) / sin(theta) as a sum of cosines."""
-    found = [Fraction(0)] * max(len(a), len(b))
+    sums = [Fraction(0)] * max(len(a), len(b))
     for i, left in enumerate(a):
         for j, right in enumerate(b):
             for k in range(abs(i - j) - 1, -1, -2):
                 once = (2 if k > 0 else 1) * left * right
-                found[k] += once if j > i else -once
-    return found
+                sums[k] += once if j > i else -once
+    return sums
 
 
 def _over_x(a: Poly) -> Poly:
     """Return (a(theta) - a(0)) / (1 - cos(theta)): sums of Fejer's kernels."""
-    found = [Fraction(0)] * len(a)
+    sums = [Fraction(0)] * len(a)
     for k, each in enumerate(a):
         for j in range(k):
-            found[j] -= each * (2 * (k - j) if j > 0 else k)
-    return found
+            sums[j] -= each * (2 * (k - j) if j > 0 else k)
+    return sums
 
 
 def _inside(a: Poly) -> bool:

@@ -209,8 +209,8 @@ def quantum_power(
     """Return what an encoder step can take [W]: K b q**2 / T**2, see `QUANTUM_DRAIN`."""
     if quantum == 0.0:
         return 0.0
-    found = [drains[delay_periods] for pole, drains in QUANTUM_DRAIN
+    drain = [drains[delay_periods] for pole, drains in QUANTUM_DRAIN
              if pole <= observer.pole <= SEARCHED and delay_periods < len(drains)]  # fmt: skip
-    if found:
-        return found[0] * p.impedance * quantum * quantum / (p.period * p.period)
+    if drain:
+        return drain[0] * p.impedance * quantum * quantum / (p.period * p.period)
     return noise_bounds(p, observer, delay_periods).drain * 0.25 * quantum * quantum / p.period
