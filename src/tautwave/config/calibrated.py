@@ -37,7 +37,7 @@ def take_calibration(document: Document) -> None:
             return
         block["axes"] = axes
     axes = block.get("axes")
-    for name, found in axes.items() if isinstance(axes, dict) else ():
+    for name, measured in axes.items() if isinstance(axes, dict) else ():
         side, _, axis = str(name).partition(".")
         path = (side, "axes", axis)
         if not isinstance(document.get(path), dict):
@@ -45,8 +45,8 @@ def take_calibration(document: Document) -> None:
                 ("calibration",),
                 f"it lists axis {name}, which the rig does not have; run tautwave calibrate again",
             )
-        elif isinstance(found, dict):
-            _take(document, found, path)
+        elif isinstance(measured, dict):
+            _take(document, measured, path)
 
 
 def _read(document: Document, block: dict[str, Any]) -> Any:
@@ -55,7 +55,7 @@ def _read(document: Document, block: dict[str, Any]) -> Any:
     path = document.folder / Path(block["file"])
     try:
         text = read_guarded(path, "calibration", LARGEST)
-        found = parse_yaml(text)
+        parsed = parse_yaml(text)
     except SyntaxProblem as err:
         document.report(where, f"{path}:{err.line}: {err}; run tautwave calibrate again")
         return None
@@ -69,9 +69,9 @@ def _read(document: Document, block: dict[str, Any]) -> Any:
             f"{digest(text)}); restore the original, or run tautwave calibrate again",
         )
         return None
-    axes = found.value.get("axes") if isinstance(found.value, dict) else None
-    if found.problems or not isinstance(axes, dict):
-        problem = next(iter(found.problems), None)
+    axes = parsed.value.get("axes") if isinstance(parsed.value, dict) else None
+    if parsed.problems or not isinstance(axes, dict):
+        problem = next(iter(parsed.problems), None)
         what = "has no `axes`" if problem is None else f"line {problem.mark.line}: {problem.text}"
         document.report(where, f"{path}: {what}; run tautwave calibrate again")
         return None

@@ -57,8 +57,8 @@ def complete_rig(
         scene = config_hooks().complete(document, rig.scene)
         rig = rig.model_copy(update={"scene": scene})
     if rig.link is not None and rig.link.trace is not None:
-        found = find_recording(document, ("link", "trace"), rig.link.trace)
-        rig = rig.model_copy(update={"link": rig.link.model_copy(update={"trace": str(found)})})
+        trace = find_recording(document, ("link", "trace"), rig.link.trace)
+        rig = rig.model_copy(update={"link": rig.link.model_copy(update={"trace": str(trace)})})
     rig = _complete_quanta(document, rig, plugins)
     if rig.simulation is not None:
         simulation = _complete_simulation(document, rig, rig.simulation, plugins)
@@ -223,5 +223,5 @@ def _complete_hand(document: Document, name: str, hand: Hand | HandPart) -> Hand
 
 
 def _with_file(document: Document, path: KeyPath, keys: Recording | Intent | Recorded) -> Any:
-    found = find_recording(document, (*path, "file"), keys.file)
-    return keys.model_copy(update={"file": str(found)})
+    located = find_recording(document, (*path, "file"), keys.file)
+    return keys.model_copy(update={"file": str(located)})

@@ -103,11 +103,11 @@ def _decoded(path: Path, kind: str, raw: bytes, encodings: Sequence[str]) -> str
         except UnicodeDecodeError as err:
             first = first or err
             continue
-        found = _CONTROL.search(text) if encoding != encodings[0] else None
-        if found is not None:  # any bytes are text in an 8-bit code
-            line = text.count("\n", 0, found.start()) + 1
+        control = _CONTROL.search(text) if encoding != encodings[0] else None
+        if control is not None:  # any bytes are text in an 8-bit code
+            line = text.count("\n", 0, control.start()) + 1
             raise ConfigError(
-                f"{path}:{line}: not text (character U+{ord(found[0]):04X}), so not {_a(kind)}"
+                f"{path}:{line}: not text (character U+{ord(control[0]):04X}), so not {_a(kind)}"
             )
         return text
     assert first is not None

@@ -50,9 +50,9 @@ def _leave_truth(document: Document, here: str) -> None:
 def buses_of(document: Document, side: str) -> set[str]:
     """Return the names of the buses that the axes of a side are on."""
     axes: Any = document.get((side, "axes"))
-    found = set()
+    names = set()
     for axis in axes.values() if isinstance(axes, dict) else ():
         bus = axis.get("bus") if isinstance(axis, dict) else None
         if isinstance(bus, str):
-            found.add(bus)
-    return found
+            names.add(bus)
+    return names

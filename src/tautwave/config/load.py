@@ -161,7 +161,7 @@ def _check_format(document: Document) -> None:
 
 def _check_drivers(document: Document) -> dict[str, DriverPlugin | None]:
     """Find the driver of every bus and check its options; None where that failed."""
-    found: dict[str, DriverPlugin | ConfigError] = {}
+    by_driver: dict[str, DriverPlugin | ConfigError] = {}
     plugins: dict[str, DriverPlugin | None] = {}
     buses = document.get(("buses",))
     for bus, block in buses.items() if isinstance(buses, dict) else ():
@@ -169,12 +169,12 @@ def _check_drivers(document: Document) -> dict[str, DriverPlugin | None]:
         name = block.get("driver") if isinstance(block, dict) else None
         if not isinstance(name, str):
             continue
-        if name not in found:
+        if name not in by_driver:
             try:
-                found[name] = registry.load_driver(name)
+                by_driver[name] = registry.load_driver(name)
             except ConfigError as err:
-                found[name] = err
-        plugin = found[name]
+                by_driver[name] = err
+        plugin = by_driver[name]
         if isinstance(plugin, ConfigError):
             document.report(("buses", bus, "driver"), str(plugin))
             continue

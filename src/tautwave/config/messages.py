@@ -58,10 +58,10 @@ def read_model(text: str, name: str, kind: str, model: type[Any]) -> tuple[Docum
         key.
     """
     document = open_document(text, name, Path(), kind)
-    found = validate(document, model)
+    validated = validate(document, model)
     if document.problems:
         raise ConfigError(document.sentences())
-    return document, found
+    return document, validated
 
 
 def salvage(model: type[Any], value: Any) -> Any:

@@ -116,8 +116,8 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
 def _scene(block: Any) -> ControlKeys | None:
     if block is None:
         return None  # no package is looked for
-    found: ControlKeys | None = salvage(ControlKeys.model_for(block), block)
-    return found
+    keys: ControlKeys | None = salvage(ControlKeys.model_for(block), block)
+    return keys
 
 
 def _coupling(block: Any) -> Coupling | None:

@@ -52,11 +52,11 @@ def as_model(kind: Any) -> bool:
 
 def tags(kind: Any) -> list[str]:
     """Return the values of `type` that discriminate a union of models."""
-    found: list[str] = []
+    values: list[str] = []
     for member in get_args(kind):
         if as_model(member) and "type" in member.model_fields:
-            found += get_args(member.model_fields["type"].annotation)
-    return found
+            values += get_args(member.model_fields["type"].annotation)
+    return values
 
 
 def _plain(kind: Any) -> Any:

@@ -122,14 +122,14 @@ def copy_example(name: str, folder: Path) -> list[Copied]:
 
 def _with_named(example: Example) -> Sequence[Path]:
     """The example's file and the files it names: the rig of a sweep, the sounds of a scene."""
-    found = [example.path]
-    for path in found:  # grows meanwhile
+    files = [example.path]
+    for path in files:  # grows meanwhile
         if path.suffix == ".yaml":
             for text in _texts(parse_yaml(path.read_text(encoding="utf-8")).value):
                 named = (path.parent / text).resolve() if len(text) < 200 else path
-                if named.is_file() and named not in found:
-                    found.append(named)
-    return found
+                if named.is_file() and named not in files:
+                    files.append(named)
+    return files
 
 
 def _texts(value: Any) -> Iterator[str]:

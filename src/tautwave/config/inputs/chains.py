@@ -36,8 +36,8 @@ def chain_links(keys: Chain) -> tuple[tuple[Link, ...], tuple[JointLimits, ...]]
         Its URDF file cannot be read, or holds no serial chain.
     """
     if keys.urdf is not None:
-        found = read_urdf(Path(keys.urdf), keys.tip, keys.base, keys.held)
-        return found.links, found.limits
+        urdf = read_urdf(Path(keys.urdf), keys.tip, keys.base, keys.held)
+        return urdf.links, urdf.limits
     links: list[Link] = []
     for number, row in enumerate(keys.dh or ()):
         links += _row_links(f"row {number + 1}", row)
@@ -84,9 +84,9 @@ def chain_constants(keys: Chain) -> ChainParams:
 def weighs(keys: Chain) -> bool:
     """Return whether a moving link of a chain, or anything that its tip may hold, has a mass."""
     payloads = keys.payloads.values() if isinstance(keys, Arm) else ()
-    held = [one for one in (keys.payload, *payloads) if one is not None]
+    bodies = [one for one in (keys.payload, *payloads) if one is not None]
     links, _ = chain_links(keys)
-    return any(one.mass > 0.0 for one in (*held, *(link.body for link in links)))
+    return any(one.mass > 0.0 for one in (*bodies, *(link.body for link in links)))
 
 
 def held_at_tip(keys: Chain) -> Body:
@@ -100,5 +100,5 @@ def name_chains(document: Document) -> None:
     for path in PLACES:
         name = document.get(path)
         if isinstance(name, str):
-            found = find_recording(document, path, name)
-            document.get(path[:-1])["urdf"] = str(found or (document.folder / name).resolve())
+            absolute = find_recording(document, path, name)
+            document.get(path[:-1])["urdf"] = str(absolute or (document.folder / name).resolve())

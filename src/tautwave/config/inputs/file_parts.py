@@ -72,11 +72,11 @@ def name_option_files(document: Document) -> None:
                 block, name = document.get(at[:-1]), document.get(at)
                 if not isinstance(name, str):
                     continue
-                found = find_recording(document, at, name)
+                absolute = find_recording(document, at, name)
                 if Path(name).suffix:
-                    block[at[-1]] = str(found or (document.folder / name).resolve())
-                elif found is not None and found.is_dir():
-                    block[at[-1]] = str(found)
+                    block[at[-1]] = str(absolute or (document.folder / name).resolve())
+                elif absolute is not None and absolute.is_dir():
+                    block[at[-1]] = str(absolute)
 
 
 def _files_of(driver: object) -> Sequence[Sequence[str]]:

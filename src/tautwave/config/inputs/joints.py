@@ -34,15 +34,17 @@ def _order(document: Document, side: str, axes: Axes) -> tuple[str, ...]:
     chains: tuple[tuple[KeyPath, type[Chain]], ...] = (
         ((side, "arm"), Arm), (("simulation", "arms", side), Chain),
     )  # fmt: skip
-    found = [(path, keys) for path, model in chains if (keys := salvage(model, document.get(path)))]
-    if not found and document.get((side, "arm")) is None:
+    readable = [
+        (path, keys) for path, model in chains if (keys := salvage(model, document.get(path)))
+    ]
+    if not readable and document.get((side, "arm")) is None:
         for name in _stated(axes):
             document.report(
                 (side, "axes", name, "joint"), f"the {side} has no arm; remove it, or add `arm`"
             )
-    if not found:
+    if not readable:
         return tuple(axes)
-    (path, keys), *others = found
+    (path, keys), *others = readable
     order = _of_chain(document, side, path, keys, axes) or tuple(axes)
     for path, keys in others:  # the simulated truth of the same arm
         joints = _joints(keys)

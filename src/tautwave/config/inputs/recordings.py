@@ -30,14 +30,14 @@ def find_recording(document: Document, path: KeyPath, file: str) -> Path | None:
 
 def require_file(document: Document, at: KeyPath, file: str) -> Path | None:
     """Return what `find_recording` does, and note a file that is not there."""
-    found = find_recording(document, at, file)
-    if found is None:
+    existing = find_recording(document, at, file)
+    if existing is None:
         places = dict.fromkeys(str(c.absolute()) for c in _candidates(document, at, file))
         tried = " and ".join(places)
         document.report(
             at, f"no such file (tried {tried}); give another with --set {show_path(at)}=PATH"
         )
-    return found
+    return existing
 
 
 def check_recording(
@@ -45,22 +45,22 @@ def check_recording(
 ) -> None:
     """Note a recording, the `file` of a block, that does not exist or lacks a column of `keys`."""
     at = (*path, "file")
-    found = require_file(document, at, recording.file)  # type: ignore[attr-defined]
-    if found is None:
+    existing = require_file(document, at, recording.file)  # type: ignore[attr-defined]
+    if existing is None:
         return
     from tautwave.recordings.columns import column_names  # not to import NumPy for every rig
 
     try:
-        columns = column_names(found, stated_in(recording))
+        columns = column_names(existing, stated_in(recording))
     except (ConfigError, RecordingError) as err:
-        document.report(at, str(err).removeprefix(f"{found}: "))
+        document.report(at, str(err).removeprefix(f"{existing}: "))
         return
     for key in keys:
         wanted = getattr(recording, key)
         if wanted is not None and wanted not in columns:
             document.report(
                 (*path, key) if document.get((*path, key)) is not None else at,
-                f"{found.name} has no column {wanted!r}{nearest(wanted, columns) or '.'} "
+                f"{existing.name} has no column {wanted!r}{nearest(wanted, columns) or '.'} "
                 f"It has: {', '.join(columns[:12])}{', ...' if len(columns) > 12 else ''}",
             )
 

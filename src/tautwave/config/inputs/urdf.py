@@ -286,12 +286,12 @@ def _limits(reader: UrdfReader, joint: _Joint) -> JointLimits:
         0.0 if dynamics is None else max(reader.number(dynamics, key, 0.0), 0.0)
         for key in ("damping", "friction")
     )
-    found = JointLimits(joint.name, damping=damping, friction=friction)
+    limits = JointLimits(joint.name, damping=damping, friction=friction)
     if given is None:
-        return found
+        return limits
     effort, velocity = (reader.bound(given, key, 0.0) or math.inf for key in ("effort", "velocity"))
     if joint.node.given["type"] == "continuous":
-        return found._replace(effort=effort, velocity=velocity)
+        return limits._replace(effort=effort, velocity=velocity)
     lower, upper = reader.bound(given, "lower", 0.0), reader.bound(given, "upper", 0.0)
     if lower > upper:
         raise reader.wrong(
@@ -300,4 +300,4 @@ def _limits(reader: UrdfReader, joint: _Joint) -> JointLimits:
         )
     if lower == upper:
         lower, upper = -math.inf, math.inf
-    return found._replace(lower=lower, upper=upper, effort=effort, velocity=velocity)
+    return limits._replace(lower=lower, upper=upper, effort=effort, velocity=velocity)

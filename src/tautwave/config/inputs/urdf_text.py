@@ -90,10 +90,10 @@ class UrdfReader:
 
     def one(self, node: Node, tag: str) -> Node | None:
         """Return the only child of a name, None without one."""
-        found = node.all(tag)
-        if len(found) > 1:
-            raise self.wrong(found[1].line, f"a second <{tag}> in <{node.tag}>")
-        return found[0] if found else None
+        children = node.all(tag)
+        if len(children) > 1:
+            raise self.wrong(children[1].line, f"a second <{tag}> in <{node.tag}>")
+        return children[0] if children else None
 
     def word(self, node: Node, key: str) -> str:
         """Return an attribute."""
@@ -120,13 +120,13 @@ class UrdfReader:
         if _unexpanded(text):
             raise self.wrong(node.line, f"{key} of <{node.tag}>, {text!r}, {UNEXPANDED}")
         try:
-            found = [] if "_" in text else [float(part) for part in text.split()]
+            numbers = [] if "_" in text else [float(part) for part in text.split()]
         except ValueError:
-            found = []
-        if len(found) != count or not all(math.isfinite(value) for value in found):
+            numbers = []
+        if len(numbers) != count or not all(math.isfinite(value) for value in numbers):
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             raise self.wrong(node.line, f"{key} of <{node.tag}> should be {wanted} (got {text!r})")
-        return found
+        return numbers
 
     def vector(self, node: Node | None, key: str, otherwise: Vector) -> Vector:
         """Return an attribute of three numbers."""
@@ -186,14 +186,14 @@ class UrdfReader:
 
     def by_name(self, nodes: Sequence[Node]) -> dict[str, Node]:
         """Return nodes by their names, which have to differ."""
-        found: dict[str, Node] = {}
+        named: dict[str, Node] = {}
         for node in nodes:
             name = self.word(node, "name")
-            if name in found:
-                first = found[name].line
+            if name in named:
+                first = named[name].line
                 raise self.wrong(node.line, f"a second {node.tag} {name!r} (line {first})")
-            found[name] = node
-        return found
+            named[name] = node
+        return named
 
 
 def _unexpanded(text: str) -> bool:

@@ -33,11 +33,11 @@ def part_keys(base: type[Block], name: str) -> type[Block]:
     ConfigError
         There is no such part, it does not load, or its keys are not a `base`.
     """
-    found = registry.load_named(registry.load_part(base.part_group, name).keys)
-    if not (isinstance(found, type) and issubclass(found, base)):
+    keys = registry.load_named(registry.load_part(base.part_group, name).keys)
+    if not (isinstance(keys, type) and issubclass(keys, base)):
         raise ConfigError(f"{name}: its keys are not a tautwave.config.{base.__name__}")
-    found.part_word = f"part {name}"
-    return found
+    keys.part_word = f"part {name}"
+    return keys
 
 
 def named_block(kind: Any, value: Any) -> Any:

@@ -25,10 +25,10 @@ class ControlKeys(Block):
         if isinstance(value, ControlKeys):
             return type(value)
         try:
-            found: type[ControlKeys] = registry.control_hooks(SCENE, "config").model_for(value)
+            model: type[ControlKeys] = registry.control_hooks(SCENE, "config").model_for(value)
         except ConfigError:
             return ControlKeys
-        return found
+        return model
 
 
 def _choose(value: Any, handler: Any, info: ValidationInfo) -> Any:

@@ -275,24 +275,24 @@ def _installed_block(law: str) -> type[Coupling]:
 
 def _block_of(law: str) -> type[Coupling]:
     try:
-        found: type[Coupling] = registry.load_named(registry.load_coupling(law).keys)
+        keys: type[Coupling] = registry.load_named(registry.load_coupling(law).keys)
     except ConfigError:
         return _UnknownLaw
-    for block in (found, pair_block(found)):
+    for block in (keys, pair_block(keys)):
         block.part_word = f"law {law}"
-    return found
+    return keys
 
 
 def pair_block(coupling: type[Coupling]) -> type[Pair]:
     """Return the keys of one pair of a coupling."""
-    found: type[Pair] = get_args(coupling.model_fields["pairs"].annotation)[1]
-    return found
+    block: type[Pair] = get_args(coupling.model_fields["pairs"].annotation)[1]
+    return block
 
 
 def law_blocks() -> dict[str, type[Coupling]]:
     """Return the keys of every installed law that loads, by name."""
-    found = {name: coupling_block(name) for name in registry.coupling_names()}
-    return {law: block for law, block in found.items() if block is not _UnknownLaw}
+    blocks = {name: coupling_block(name) for name in registry.coupling_names()}
+    return {law: block for law, block in blocks.items() if block is not _UnknownLaw}
 
 
 def laws_with(key: str, block: type[Block]) -> list[str]:

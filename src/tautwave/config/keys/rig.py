@@ -378,15 +378,15 @@ def imposed_motions(rig: Rig, plugins: Mapping[str, DriverPlugin | None]) -> dic
     ConfigError
         The options of a bus name none for an axis of it.
     """
-    found = {}
+    by_axis = {}
     for name, bus in rig.buses.items():
         plugin = plugins[name]
         if plugin is None or plugin.imposed is None:
             continue
         spec = bus_spec(rig, name)
         motions = plugin.imposed(plugin.options.model_validate(bus.options), spec)
-        found.update({axis.name: one for axis, one in zip(spec.axes, motions, strict=True)})
-    return found
+        by_axis.update({axis.name: one for axis, one in zip(spec.axes, motions, strict=True)})
+    return by_axis
 
 
 def has_loads(rig: Rig) -> bool:
@@ -413,8 +413,8 @@ def bus_spec(rig: Rig, bus_name: str) -> BusSpec:
 
 def calibration_of(rig: Rig, axis_name: str) -> AxisCalibration:
     """Return what was found on the device of an axis; as it comes if nothing was."""
-    found = {} if rig.calibration is None else rig.calibration.axes
-    return found.get(axis_name, AxisCalibration())
+    calibrations = {} if rig.calibration is None else rig.calibration.axes
+    return calibrations.get(axis_name, AxisCalibration())
 
 
 def _axis_spec(name: str, axis: Axis, found: AxisCalibration) -> AxisSpec:

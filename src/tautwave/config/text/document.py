@@ -86,14 +86,14 @@ class Document:
         A mistake in a default is stated where the default is; if only some of the blocks that took
         it have the mistake, they are named.
         """
-        found: dict[Problem, list[KeyPath]] = {}
+        places: dict[Problem, list[KeyPath]] = {}
         for problem in self.problems:
             source, rest = self._origin(problem.path)
-            takers = found.setdefault(problem._replace(path=source + rest), [])
+            takers = places.setdefault(problem._replace(path=source + rest), [])
             if source:
                 takers.append(problem.path[: len(problem.path) - len(rest)])
-        ordered = sorted(found, key=lambda p: (p.mark.argument is not None, p.mark.line))
-        return list(dict.fromkeys(self._sentence(p) + self._only(found[p]) for p in ordered))
+        ordered = sorted(places, key=lambda p: (p.mark.argument is not None, p.mark.line))
+        return list(dict.fromkeys(self._sentence(p) + self._only(places[p]) for p in ordered))
 
     def _origin(self, path: KeyPath) -> tuple[KeyPath, KeyPath]:
         """Return the default that `path` was taken from, () if none, and the path below it."""

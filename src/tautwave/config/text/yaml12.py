@@ -203,20 +203,20 @@ class _Builder:
         return text
 
     def items(self, path: KeyPath) -> list[Any]:
-        found: list[Any] = []
+        items: list[Any] = []
         while not self.events.check_event(yaml.SequenceEndEvent):
-            at = (*path, len(found))
+            at = (*path, len(items))
             self.marks[at] = self.here(self.events.peek_event())
-            found.append(self.value(at))
+            items.append(self.value(at))
         self.events.get_event()
-        return found
+        return items
 
     def entries(self, path: KeyPath) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         while not self.events.check_event(yaml.MappingEndEvent):
             event = self.events.peek_event()
             key = self.key(path)
-            if key is None or key in found:
+            if key is None or key in entries:
                 if key is not None:
                     first = self.marks[(*path, key)]
                     place = (
@@ -229,9 +229,9 @@ class _Builder:
                 continue
             at = (*path, key)
             self.marks[at] = self.here(event)
-            found[key] = self.value(at)
+            entries[key] = self.value(at)
         self.events.get_event()
-        return found
+        return entries
 
     def key(self, path: KeyPath) -> str | None:
         """Return the key's text as written (`on: 1` has the key `on`), None if it has none."""
@@ -261,14 +261,14 @@ def _syntax(err: yaml.MarkedYAMLError, text: str) -> SyntaxProblem:
     mark = err.problem_mark or err.context_mark
     line = mark.line + 1 if mark else 0
     column = mark.column + 1 if mark else 0
-    said = (err.problem or err.context or "not YAML").replace("<", "").replace(">", "")
-    if mark and ("\\t" in said or _tab_before(text, mark.line)):
+    problem = (err.problem or err.context or "not YAML").replace("<", "").replace(">", "")
+    if mark and ("\\t" in problem or _tab_before(text, mark.line)):
         return SyntaxProblem(line, column, "tab in the indentation; YAML requires spaces")
     if err.context and err.context_mark and err.context_mark.line + 1 != line:
-        said += f" ({err.context}, begun at line {err.context_mark.line + 1})"
+        problem += f" ({err.context}, begun at line {err.context_mark.line + 1})"
     elif err.context and err.problem:
-        said += f" ({err.context})"
-    return SyntaxProblem(line, column, f"YAML syntax: {said}")
+        problem += f" ({err.context})"
+    return SyntaxProblem(line, column, f"YAML syntax: {problem}")
 
 
 def _tab_before(text: str, line: int) -> bool:
