@@ -224,11 +224,11 @@ def certificate_sections(certificate: Mapping[str, Any]) -> list[Section]:
     if not isinstance(verdicts, Mapping) or not verdicts:
         return [Section("Certificate", ("", ""), [("passive", verdict(certificate.get("passed")))])]
     rows: list[tuple[str | Cell, ...]] = []
-    for name, found in verdicts.items():
+    for name, judged in verdicts.items():
         required = " (required)" if name == certificate.get("require") else ""
         label = f"{str(name).replace('_', ' ')}{required}"
-        rows.append((label, verdict(found["passed"], found["state"]), found["reason"]))
-        rows.extend(("", "", Cell(f"if {condition}", NOTE)) for condition in found["conditions"])
+        rows.append((label, verdict(judged["passed"], judged["state"]), judged["reason"]))
+        rows.extend(("", "", Cell(f"if {condition}", NOTE)) for condition in judged["conditions"])
     elements = [
         (sentence,) for element in certificate["elements"] for sentence in element["sentences"]
     ]
@@ -274,9 +274,9 @@ def _keep(out: Path, rig: Any, result: Any) -> None:
     if certified:
         from tautwave.certificate.haptics import haptics
 
-        found = haptics(rig)
-        data["haptics"] = found.as_dict()
-        chapters = found.sentences()
+        panels = haptics(rig)
+        data["haptics"] = panels.as_dict()
+        chapters = panels.sentences()
         more = [Section(head, ("",), [(line,) for line in lines]) for head, lines in chapters]
         said = [*said[:-1], *more, said[-1]]
     make_directory(out)
@@ -293,4 +293,4 @@ def _keep(out: Path, rig: Any, result: Any) -> None:
             except OSError:
                 path.unlink(missing_ok=True)
                 raise
-        draw_haptics(rig.name, found, out)
+        draw_haptics(rig.name, panels, out)

@@ -29,18 +29,22 @@ def drivers(as_json: bool) -> None:
     """
     from tautwave import registry
 
-    found = {"driver": registry.list_drivers()}
-    found |= {group: registry.list_parts(f"tautwave.{group}s") for group in PARTS}
+    installed = {"driver": registry.list_drivers()}
+    installed |= {group: registry.list_parts(f"tautwave.{group}s") for group in PARTS}
     if as_json:
         echo_json(
-            [{"kind": kind, **entry._asdict()} for kind, rows in found.items() for entry in rows]
+            [
+                {"kind": kind, **entry._asdict()}
+                for kind, rows in installed.items()
+                for entry in rows
+            ]
         )
         return
     headings = ("name", "package", "description", "missing")
     show(
         [
             Section(f"{kind.capitalize()}s", headings, [_row(entry) for entry in rows])
-            for kind, rows in found.items()
+            for kind, rows in installed.items()
             if rows
         ]
     )

@@ -30,11 +30,11 @@ def example(name: str | None, out: Path | None, as_json: bool) -> None:
     if name is None:
         if out is not None:
             raise click.UsageError("--out needs the NAME of an example.")
-        found = shipped.examples()
+        examples = shipped.examples()
         if as_json:
-            echo_json([{"name": entry.name, "summary": entry.summary} for entry in found])
+            echo_json([{"name": entry.name, "summary": entry.summary} for entry in examples])
         else:
-            rows = [(entry.name, entry.summary) for entry in found]
+            rows = [(entry.name, entry.summary) for entry in examples]
             show([Section("Examples", ("name", "what it shows"), rows)])
         return
     copied = shipped.copy_example(name, Path() if out is None else out)

@@ -94,8 +94,8 @@ class Commands(click.Group):
         for heading, names in grouped:
             fresh = [name for name in names if name in known and name not in shown]
             shown.update(fresh)
-            found = [(name, self.get_command(ctx, name)) for name in fresh]
-            rows = [(name, one.get_short_help_str(60)) for name, one in found if one is not None]
+            commands = [(name, self.get_command(ctx, name)) for name in fresh]
+            rows = [(name, one.get_short_help_str(60)) for name, one in commands if one is not None]
             if rows:
                 with formatter.section(heading):
                     formatter.write_dl(rows)

@@ -184,17 +184,17 @@ def _against(
         raise RecordingError(f"{file}: no such recording")
     run = load_run(directory)
     notes: list[str] = []
-    found = compare_recording(run, file, mapped, notes=notes, **part)
+    compared = compare_recording(run, file, mapped, notes=notes, **part)
     folder = out or directory / f"against-{file.resolve().stem}"
     make_directory(folder)
     written = folder / "against.json"
-    listed = {one.name: one.as_dict() for one in found}
+    listed = {one.name: one.as_dict() for one in compared}
     write_text(written, json.dumps({"file": str(file), "columns": listed}, indent=2) + "\n")
     picture = folder / "against.png"
     title = f"{run.name} against {file.resolve().name}"
-    write_bytes(picture, png(against_figure(title, found)))
+    write_bytes(picture, png(against_figure(title, compared)))
     rows = []
-    for one in found:
+    for one in compared:
         recorded, ours, apart = one.rms
         rows.append(
             (
@@ -207,7 +207,7 @@ def _against(
             )
         )
     heads = ("rms of", ">recorded", ">this run", ">ratio", ">difference", ">explained")
-    first, last = found[0].time_s[0], found[0].time_s[-1]
+    first, last = compared[0].time_s[0], compared[0].time_s[-1]
     show(
         [
             Section(f"{title}, {first:.3g} to {last:.3g} s", (), ()),

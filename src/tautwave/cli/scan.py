@@ -53,15 +53,15 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
     options = parse_model(plugin.scan_options, ctx.args, f"scan {driver}")
     require_modules(driver)
     with Progress(f"scan {driver}") as progress:
-        found = [dict(device) for device in _scanned(plugin, options, progress)]
+        devices = [dict(device) for device in _scanned(plugin, options, progress)]
     if as_json:
-        echo_json(found)
+        echo_json(devices)
         return
-    if not found:
+    if not devices:
         click.echo(f"scan: no response on {driver}", err=True)
         return
-    columns = tuple(dict.fromkeys(key for device in found for key in device))
-    rows = [tuple(_cell(device.get(key)) for key in columns) for device in found]
+    columns = tuple(dict.fromkeys(key for device in devices for key in device))
+    rows = [tuple(_cell(device.get(key)) for key in columns) for device in devices]
     show([Section(f"Devices on {driver}", columns, rows)])
 
 
@@ -73,8 +73,8 @@ def _scanned(
     try:
         signature(scan).bind(options, progress)
     except TypeError:
-        found: Sequence[Mapping[str, Any]] = scan(options)
-        return found
+        devices: Sequence[Mapping[str, Any]] = scan(options)
+        return devices
     return plugin.scan(options, progress)
 
 

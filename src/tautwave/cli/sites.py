@@ -105,21 +105,21 @@ def test(
     """
     from tautwave.sites.path import Asked, run_test, table, trace
 
-    found = run_test(address, directory, site, peer, Asked(rate, duration))
+    result = run_test(address, directory, site, peer, Asked(rate, duration))
     if record is not None:
         from tautwave.files import write_bytes
 
-        write_bytes(record, trace(found, rate).encode())
+        write_bytes(record, trace(result, rate).encode())
     if as_json:
-        echo_json(found.as_dict())
+        echo_json(result.as_dict())
         return
-    for line in table(found, site, peer):
+    for line in table(result, site, peer):
         click.echo(line)
     if rig is not None:
         from tautwave.config import load_rig
 
         click.echo("")
-        for line in _compliance(load_rig(rig), found.delay_s):
+        for line in _compliance(load_rig(rig), result.delay_s):
             click.echo(line)
 
 

@@ -30,18 +30,18 @@ def doctor(ctx: click.Context, rig: Path | None, as_json: bool) -> None:
     from tautwave.session.doctor.examining import examine
     from tautwave.session.doctor.finding import BARS, GOOD
 
-    found = examine(None if rig is None else load_rig(rig, choose=False))
+    findings = examine(None if rig is None else load_rig(rig, choose=False))
     if as_json:
-        echo_json([finding._asdict() for finding in found])
+        echo_json([finding._asdict() for finding in findings])
     else:
-        wide = max(len(finding.what) for finding in found)
-        for finding in found:
+        wide = max(len(finding.what) for finding in findings)
+        for finding in findings:
             click.echo(f"{finding.state:<7}  {finding.what:<{wide}}  {finding.found}")
             if finding.cost:
                 click.echo(f"         {finding.cost}")
             if finding.command:
                 click.echo(f"         fix: {finding.command}")
-        costing = sum(finding.state != GOOD for finding in found)
-        click.echo(f"{len(found)} checked, {costing} to fix" if costing else "nothing to fix")
-    if any(finding.state == BARS for finding in found):
+        costing = sum(finding.state != GOOD for finding in findings)
+        click.echo(f"{len(findings)} checked, {costing} to fix" if costing else "nothing to fix")
+    if any(finding.state == BARS for finding in findings):
         ctx.exit(DriverError.exit_code)

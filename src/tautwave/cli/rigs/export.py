@@ -140,16 +140,16 @@ def _tell_losses(directories: Sequence[Path]) -> None:
     from tautwave.recordings.recording import read_recording
 
     for directory in directories:
-        found = read_recording(directory, ["time_s"])
-        if found.truncated:
+        recording = read_recording(directory, ["time_s"])
+        if recording.truncated:
             click.echo(
-                f"{directory}: the recording is cut short, as when a run is killed; {len(found)} "
-                "rows could be recovered and were exported",
+                f"{directory}: the recording is cut short, as when a run is killed; "
+                f"{len(recording)} rows could be recovered and were exported",
                 err=True,
             )
-        if found.damaged_chunks:
+        if recording.damaged_chunks:
             click.echo(
-                f"{directory}: {found.damaged_chunks} chunks of the recording are damaged and "
+                f"{directory}: {recording.damaged_chunks} chunks of the recording are damaged and "
                 "were skipped",
                 err=True,
             )

@@ -130,14 +130,16 @@ def new(
         ids = [*numbers(master or "1", "--master"), *numbers(slave or "2", "--slave")]
         kind, file = ("eds", eds) if eds else ("profile", profile)
         assert file is not None
-        found = [described(kind, file.resolve(), ids)]
+        devices = [described(kind, file.resolve(), ids)]
         master, slave = master or "1", slave or "2"
     else:
-        found = _surveyed(buses)
-        _show(found)
-    guesses = halves(found)
-    hand = select(_asked(master, "--master", "in the hand (master)", guesses[0]), found, "--master")
-    task = select(_asked(slave, "--slave", "at the task (slave)", guesses[1]), found, "--slave")
+        devices = _surveyed(buses)
+        _show(devices)
+    guesses = halves(devices)
+    hand = select(
+        _asked(master, "--master", "in the hand (master)", guesses[0]), devices, "--master"
+    )
+    task = select(_asked(slave, "--slave", "at the task (slave)", guesses[1]), devices, "--slave")
     names = _names(joints, hand, task)
     if arms:
         hand, task, names = _within(arms, hand, task, joints)
@@ -151,11 +153,11 @@ def _arms(urdfs: Sequence[Path], tips: Sequence[str], bases: Sequence[str]) -> d
         return {}
     from tautwave.session.new.arms import read_arm
 
-    found = {}
+    arms = {}
     for side, which in (("master", 0), ("slave", -1)):
         tip, base = (given[which] if given else None for given in (tips, bases))
-        found[side] = read_arm(urdfs[which], tip, base)
-    return found
+        arms[side] = read_arm(urdfs[which], tip, base)
+    return arms
 
 
 def _simulated(rig: Path, arms: Mapping[str, Arm], joints: str | None) -> None:
@@ -213,15 +215,15 @@ def _surveyed(given: Sequence[str]) -> list[FoundBus]:
             "or name a bus: --bus 'modbus --endpoint tcp://192.168.1.20:502'"
         )
     with Progress("new") as progress:
-        found, without = survey(to_scan, progress)
+        devices, without = survey(to_scan, progress)
     for sentence in without:
         click.echo(sentence, err=True)
-    if not found:
+    if not devices:
         raise ConfigError(
             "new: found no device that a rig can drive; are the devices powered?"
             " `tautwave scan DRIVER --help` lists the options of a scan"
         )
-    return found
+    return devices
 
 
 def _place(text: str) -> Place:

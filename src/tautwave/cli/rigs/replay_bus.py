@@ -50,21 +50,21 @@ def replay_bus(
         )
     if chosen in named:
         events = [one for one in events if one.bus in (chosen, LEAVING)]
-    found = played(loaded, chosen, events)
-    for note in found.notes:
+    outcome = played(loaded, chosen, events)
+    for note in outcome.notes:
         click.echo(note)
-    for fault in dict.fromkeys(found.faults):
+    for fault in dict.fromkeys(outcome.faults):
         click.echo(f"fault: {fault}")
-    if found.unknown:
-        many = sum(found.unknown.values())
+    if outcome.unknown:
+        many = sum(outcome.unknown.values())
         click.echo(f"{many} requests without an answer in the recording, such as "
-                   f"{', '.join(list(found.unknown)[:3])}")  # fmt: skip
+                   f"{', '.join(list(outcome.unknown)[:3])}")  # fmt: skip
     state = (
-        f"enabled, {found.cycles} cycles, {found.samples} valid samples"
-        if found.enabled
+        f"enabled, {outcome.cycles} cycles, {outcome.samples} valid samples"
+        if outcome.enabled
         else ("not enabled")
     )
     click.echo(f"bus {chosen}: {state}")
-    if found.said:
-        click.echo(found.said, err=True)
+    if outcome.said:
+        click.echo(outcome.said, err=True)
         ctx.exit(5)

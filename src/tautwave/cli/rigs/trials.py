@@ -54,8 +54,8 @@ def trials(
 
     if not re.fullmatch(r"[\w.-]+", participant):
         raise ConfigError(f"trials: --participant {participant!r}: write one word, such as P01")
-    found = read_protocol(protocol)
-    order = trials_of(found, participant)
+    loaded = read_protocol(protocol)
+    order = trials_of(loaded, participant)
     if only_list:
         for trial in order:
             click.echo(f"{trial.number:4d}  {trial.condition}  {trial.repetition}")
@@ -64,10 +64,10 @@ def trials(
     def ready(trial: Trial, rested: bool) -> None:
         if yes:
             return
-        if rested and found.break_s:
-            click.echo(f"break of {found.break_s:g} s")
+        if rested and loaded.break_s:
+            click.echo(f"break of {loaded.break_s:g} s")
             now = MonotonicClock()
-            now.sleep_until(now.now_ns() + round(1e9 * found.break_s))
+            now.sleep_until(now.now_ns() + round(1e9 * loaded.break_s))
         click.prompt(
             f"trial {trial.number} of {len(order)}; press Enter to start",
             default="", show_default=False, prompt_suffix=" ",
@@ -78,7 +78,7 @@ def trials(
 
     ways = {"clock": clock, "simulate": simulate, "attach": attach}
     study = Study(
-        found,
+        loaded,
         participant,
         protocol.parent,
         Path("runs") / protocol.stem if out is None else out,

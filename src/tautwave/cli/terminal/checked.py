@@ -51,16 +51,16 @@ def short_sections(name: str, result: Any, last: Sequence[Section], command: str
         `tautwave check RIG`, to which what would help is appended.
     """
     for room in ROOMS:
-        found = [
+        sections = [
             Section(name, ("", ""), folded_rows(list(_facts(result)))),
             Section("", AXIS_HEADS, list(_axes(result, room.rows))),
             Section("", ("", ""), list(_verdicts(result.certificate))),
             Section("", ("", ""), list(_advice(result, room, command))),
             *last,
         ]
-        if line_count(found) <= LINES:
+        if line_count(sections) <= LINES:
             break
-    return [found[0], _narrow(found[1]), *found[2:]]
+    return [sections[0], _narrow(sections[1]), *sections[2:]]
 
 
 def _narrow(axes: Section) -> Section:
@@ -135,10 +135,10 @@ def _pairs(rows: Sequence[tuple[str, ...]]) -> Iterator[Fact]:
         for row in rows:
             by_unit.setdefault(row[2].rpartition(" ")[2], []).append(row)
         groups = {
-            tuple(_range(column) for column in list(zip(*found, strict=True))[1:]): [
-                row[0] for row in found
+            tuple(_range(column) for column in list(zip(*facts, strict=True))[1:]): [
+                row[0] for row in facts
             ]
-            for found in by_unit.values()
+            for facts in by_unit.values()
         }
     for (delay, offset, share), names in groups.items():
         text = f"{delay} one way; held still, {offset} apart"
@@ -155,8 +155,8 @@ def _range(texts: Sequence[str]) -> str:
 
 def _leading(text: str) -> float:
     """Return the number with which a text begins; a word counts as none."""
-    found = re.match(r"-?[\d.]+(e[+-]?\d+)?", text)
-    return float(found[0]) if found else -math.inf
+    leading = re.match(r"-?[\d.]+(e[+-]?\d+)?", text)
+    return float(leading[0]) if leading else -math.inf
 
 
 class _Axis(NamedTuple):
@@ -189,9 +189,9 @@ def _axes(result: Any, most: int) -> Iterator[Sequence[str | Cell]]:
         for axis, names in alike.items():
             for name in names:
                 key = (name.partition(".")[0], axis.takes.partition(" ")[2])
-                found = by_side.setdefault(key, ([], []))
-                found[0].append(axis)
-                found[1].append(name)
+                alike_axes = by_side.setdefault(key, ([], []))
+                alike_axes[0].append(axis)
+                alike_axes[1].append(name)
         groups = list(by_side.values())
     for axes, names in groups:
         yield (
@@ -237,11 +237,11 @@ def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]
     if not isinstance(verdicts, Mapping) or not verdicts:
         yield "passive", verdict(certificate.get("passed"))
         return
-    for name, found in verdicts.items():
+    for name, judged in verdicts.items():
         required = " (required)" if name == certificate.get("require") else ""
-        says = verdict(found["passed"], found["state"])
-        if found["passed"] and found["conditions"]:
-            count = len(found["conditions"])
+        says = verdict(judged["passed"], judged["state"])
+        if judged["passed"] and judged["conditions"]:
+            count = len(judged["conditions"])
             says = Cell(f"{says.text}: depends on {count} condition{'s'[: count > 1]}", says.style)
         yield f"{str(name).replace('_', ' ')}{required}", says
 

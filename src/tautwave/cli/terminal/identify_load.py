@@ -31,8 +31,8 @@ def load_sections(result: Any) -> list[Any]:
 
     rows = []
     for weight in result.weights:
-        found = weight.estimate
-        ends = (f"{found.value:.5g}", f"{found.lower:.5g} to {found.upper:.5g}")
+        estimate = weight.estimate
+        ends = (f"{estimate.value:.5g}", f"{estimate.lower:.5g} to {estimate.upper:.5g}")
         rows.append((weight.joint, weight.name, *ends, f"{weight.believed:.5g}"))
     left = [
         (name, f"{after:.3g}", f"{before:.3g}", f"{coulomb.value:.3g}", f"{damping.value:.3g}")

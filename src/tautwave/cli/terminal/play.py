@@ -29,10 +29,10 @@ def play_sound(path: Path) -> str:
     reasons = []
     with contextlib.suppress(KeyboardInterrupt):
         for command in PLAYERS:
-            found = shutil.which(command[0])
-            if found is None:
+            player = shutil.which(command[0])
+            if player is None:
                 continue
-            why_not = _run([found, *command[1:], str(path)], seconds + PATIENCE_S)
+            why_not = _run([player, *command[1:], str(path)], seconds + PATIENCE_S)
             if not why_not:
                 return ""
             reasons.append(f"{command[0]}: {why_not}")

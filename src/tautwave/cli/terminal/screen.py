@@ -27,8 +27,8 @@ def line_count(sections: Iterable[Section]) -> int:
 
 def spanned(names: Sequence[str]) -> str:
     """Return names as one: `j1-j6` where they are counted, else the first and the last of many."""
-    found = [_COUNTED.fullmatch(name) for name in names]
-    counted = [one for one in found if one is not None]
+    matches = [_COUNTED.fullmatch(name) for name in names]
+    counted = [one for one in matches if one is not None]
     if len(names) > 1 and len(counted) == len(names):
         numbers = [int(one[2]) for one in counted]
         if len({one[1] for one in counted}) == 1 and numbers == list(
@@ -54,14 +54,16 @@ def axes_named(names: Sequence[str]) -> str:
 
 def folded(label: str, text: str, room: int, lines: int = 2) -> str:
     """Return a text wrapped beside a label of `room` letters, cut after so many lines."""
-    found = textwrap.wrap(text, COLUMNS - 4 - room, break_long_words=False, break_on_hyphens=False)
-    if len(found) > lines:
-        last = f"{found[lines - 1]} {found[lines]}"
-        found = [
-            *found[: lines - 1],
+    wrapped = textwrap.wrap(
+        text, COLUMNS - 4 - room, break_long_words=False, break_on_hyphens=False
+    )
+    if len(wrapped) > lines:
+        last = f"{wrapped[lines - 1]} {wrapped[lines]}"
+        wrapped = [
+            *wrapped[: lines - 1],
             textwrap.shorten(last, COLUMNS - 4 - room, placeholder=" ..."),
         ]
-    return "\n".join(found)
+    return "\n".join(wrapped)
 
 
 def folded_rows(rows: Sequence[tuple[str, str]], lines: int = 2) -> list[tuple[str, str]]:
@@ -77,8 +79,8 @@ def as_one(texts: Sequence[str]) -> str:
     """Return texts that differ in numbers only as one, with `least to most` where they do."""
     columns = zip(*(NUMBER.findall(text) for text in texts), strict=True)
     pieces = NUMBER.split(texts[0])
-    found = pieces[0]
+    merged = pieces[0]
     for values, after in zip(columns, pieces[1:], strict=True):
         least, most = min(values, key=float), max(values, key=float)
-        found += (least if float(least) == float(most) else f"{least} to {most}") + after
-    return found
+        merged += (least if float(least) == float(most) else f"{least} to {most}") + after
+    return merged

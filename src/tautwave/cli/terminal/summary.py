@@ -103,7 +103,7 @@ def _greatest(summary: Summary) -> Iterator[Sequence[str | Cell]]:
             for part in ("rms", "max"):
                 values = [value for one in sizes if (value := getattr(one, part)) is not None]
                 row.append(f"<= {quantity(max(values), unit, 3)}" if values else "-")
-        shares = [found[1] for one in chosen.values() if (found := worst_share(one.fast_share))]
+        shares = [worst[1] for one in chosen.values() if (worst := worst_share(one.fast_share))]
         text = f"<= {100.0 * max(shares):.0f} %" if shares else "-"
         yield (*row, Cell(text, BAD) if shares and max(shares) > CHATTER_THRESHOLD else text)
 
@@ -130,8 +130,8 @@ def _judged(summary: Summary) -> Iterator[Sequence[str | Cell]]:
         yield "", Cell(folded("certificate", sentence, ADVICE), BAD)
     closed = books_closed(summary)
     if closed is not None:
-        found = quantity(summary.energy_j.residual, "J", 3)
-        yield "energy books", CLOSED if closed else Cell(f"not closed: {found} are missing", BAD)
+        residual = quantity(summary.energy_j.residual, "J", 3)
+        yield "energy books", CLOSED if closed else Cell(f"not closed: {residual} are missing", BAD)
     late = summary.lateness_us
     if summary.clock != "fake" and late.p99 is not None:
         text = f"99 % of the cycles at most {microseconds(late.p99, 3)} late"
@@ -263,25 +263,25 @@ def _tracking(summary: Summary) -> Iterator[Sequence[str | Cell]]:
 
 def _calm(pair: Pair) -> str | Cell:
     """Return the share of motion power above 8 Hz, marked where it buzzes."""
-    found = worst_share(pair.fast_share)
-    if found is None:
+    worst = worst_share(pair.fast_share)
+    if worst is None:
         return "-"
-    text = f"{100.0 * found[1]:.0f} %"
-    return Cell(text, BAD) if found[1] > CHATTER_THRESHOLD else text
+    text = f"{100.0 * worst[1]:.0f} %"
+    return Cell(text, BAD) if worst[1] > CHATTER_THRESHOLD else text
 
 
 def _link(summary: Summary) -> Iterator[Sequence[str | Cell]]:
     for name, pair in summary.pairs.items():
         position, _ = axis_units(pair.kind or "rotary")
-        for side, found in pair.link.items():
+        for side, figures in pair.link.items():
             yield (
                 f"{side}.{name}",
-                f"{ratio(100.0 * (found.loss or 0.0))} %",
-                quantity(found.delay_p50_s, "s", 3),
-                quantity(found.delay_p99_s, "s", 3),
-                quantity(found.backlog, position, 3),
-                f"{ratio(100.0 * (found.cut or 0.0))} %",
-                quantity(found.held_s, "s", 3),
+                f"{ratio(100.0 * (figures.loss or 0.0))} %",
+                quantity(figures.delay_p50_s, "s", 3),
+                quantity(figures.delay_p99_s, "s", 3),
+                quantity(figures.backlog, position, 3),
+                f"{ratio(100.0 * (figures.cut or 0.0))} %",
+                quantity(figures.held_s, "s", 3),
             )
 
 
@@ -368,8 +368,8 @@ def _timing(summary: Summary) -> Iterator[Sequence[str | Cell]]:
         ("compute", summary.compute_us),
     ):
         if times.p50 is not None:
-            found = (times.p50, times.p99, times.p999, times.max)
-            yield label, *(microseconds(one, 3) for one in found)
+            percentiles = (times.p50, times.p99, times.p999, times.max)
+            yield label, *(microseconds(one, 3) for one in percentiles)
 
 
 def _devices(summary: Summary) -> Iterator[Sequence[str | Cell]]:
