@@ -11,12 +11,12 @@ from tautwave.cli.group import COMMANDS, DAILY
 from tautwave.cli.terminal.screen import LINES, line_count
 from tautwave.cli.terminal.show import GOOD, NOTE, plain_text
 from tautwave.cli.terminal.summary import summary_sections
-from tautwave.report.run.operation import collapsed
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import outcome, verdicts
 from tautwave.summary import summary_of
 from tautwave.summary.ending import eventful, events, first_cause
 from tautwave.summary.model import Summary
+from tautwave.summary.repeats import collapsed
 from tests.cli.conftest import SUMMARY
 from tests.commands import keep_in_one_process
 

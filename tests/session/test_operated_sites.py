@@ -217,7 +217,7 @@ def test_a_fault_at_one_site_holds_both_until_a_person_at_either_rests(pair: Mak
     two.master.ask("engage")
     two.run(2)
     assert words(two.master)[-1] == ("engage", "key", "holding")
-    assert "rejected after a fault" in two.master.control.journal.entries[-1].text
+    assert "not possible after a fault" in two.master.control.journal.entries[-1].text
     two.master.ask("rest")
     two.run(2)
     assert two.slave.control.wants_reset  # which the loop does

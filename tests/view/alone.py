@@ -93,6 +93,26 @@ def operate(browser: Browser) -> dict[str, bool]:
     return found
 
 
+def bad_day(browser: Browser) -> dict[str, Any]:
+    """Give the page a run's faults; return what its header, its buttons and its journal say."""
+    cause = {"at_s": 2.0, "word": "fault", "source": "controller", "state": "holding",
+             "text": "slave.lever: no power", "refused": False}  # fmt: skip
+    later = {**cause, "at_s": 3.0, "text": "slave.lever: 3 samples missing"}
+    said = {"operated": True, "from_s": 0.0, "engaged_s": 1.0, "faults": 28, "stops": 1,
+            "cut_off": 2, "faulted": True, "cause": cause,
+            "kinds": [[900, cause, 1, 2.0], [901, later, 27, 66.6]]}  # fmt: skip
+    calm = "structuredClone(tautwave.soFar)"
+    return dict(browser.run(
+        f"(()=>{{const calm = {calm}; const read = (id) => document.getElementById(id).textContent;"
+        f"tautwave.hearSoFar({json.dumps(said)});"
+        "const engage = document.querySelector('[data-word=engage]');"
+        "const found = {events: read('events'), why: read('why'), engage: engage.disabled,"
+        " title: engage.title, entries: [...document.querySelectorAll('#entries li')].slice(0, 3)"
+        ".map((one) => one.textContent)};"
+        "tautwave.hearSoFar(calm); return found})()"
+    ))  # fmt: skip
+
+
 def look_around(browser: Browser, directory: Path) -> dict[str, bool]:
     """Use the scope's own buttons, cursors and zoom; return which had their effect."""
     found = {}
@@ -235,6 +255,7 @@ def main(directory: Path, looked_at: bool) -> None:
         found["loads"] = browser.wait("window.tautwave?.store?.end > 10", 120.0)
         found["name"] = text(browser, "rig")
         found["token in address"] = "#" in browser.run("location.href")
+        found["bad day"] = bad_day(browser)
         found["buttons"] = operate(browser)
         browser.run("(e=>{e.value = 1; e.onchange()})(document.getElementById('span'))")
         found["fired"] = {mode: fire(browser, "master.lever.position", 0.1, mode)

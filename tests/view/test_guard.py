@@ -110,8 +110,11 @@ def test_every_row_comes_once_and_news_with_them(serving: tuple[Run, Door]) -> N
     run, door = serving
     with page(door) as socket:
         heard(socket, "hello")
-        run.recorder.tell(json.dumps([[1, {"word": "engage"}]]))
-        assert heard(socket, "news")["entries"] in ([], [[1, {"word": "engage"}]])
+        entry = {"at_s": 0.1, "word": "engage", "source": "page", "state": "aligning"}
+        run.recorder.tell(json.dumps([[1, entry]]))
+        while not (kinds := heard(socket, "so_far")["kinds"]):
+            pass
+        assert [(place, one["word"], times) for place, one, times, _ in kinds] == [(0, "engage", 1)]
         rows: list[float] = []
         for _ in range(5):
             run.commit(20)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from tautwave.runtime.operate.states import AFTER_FAULT
 from tests.view.browser import CHROMIUM
 
 ROOT = Path(__file__).parents[2]
@@ -55,6 +56,18 @@ def test_the_page_loads_from_here_alone_and_shows_the_rows(seen: dict[str, Any])
 def test_every_button_works(seen: dict[str, Any]) -> None:
     assert {name: works for name, works in seen["buttons"].items() if not works} == {}
     assert len(seen["buttons"]) == 18
+
+
+def test_a_bad_day_does_not_look_good(seen: dict[str, Any]) -> None:
+    day = seen["bad day"]
+    assert day["events"] == "28 faults, 1 stop, cut off 2 times"
+    assert day["engage"]  # is disabled, and says why
+    assert day["title"] == AFTER_FAULT
+    assert AFTER_FAULT in day["why"]
+    first, last, again = day["entries"]
+    assert first == "2.00 sfirst cause, fault (controller): slave.lever: no power"
+    assert last.endswith("slave.lever: 3 samples missing (x 27, last 66.60 s)")
+    assert again.endswith("no power")
 
 
 def test_no_number_is_printed_over_a_box(seen: dict[str, Any]) -> None:

@@ -38,7 +38,9 @@ Remembered = Mapping[reg.Register, bytes]
 FORGETS_NS = 20_000_000
 """No servo starts faster: one that answered within this time has not been switched off."""
 
-AGAIN = "it was switched off and on, or another program wrote to it; check its supply; run again"
+AGAIN = (
+    "it was switched off and on, or another program wrote to it; check its supply, then enable it"
+)
 
 
 def remembered_blocks(*, mapped: bool) -> Iterator[reg.Register]:
@@ -82,7 +84,7 @@ def torque_fault(torque: int, error: int, errors: Errors) -> str:
     """Return what torque enable and hardware error say, as text; '' if torque is on."""
     if error & ~errors.tolerated:
         text = hardware_text(error, errors.shutdown)
-        return f"{text} (hardware error status {error:#04x}); the run stops"
+        return f"{text} (hardware error status {error:#04x})"
     return "" if torque == 1 else f"torque enable(64) reads {torque} instead of 1: {AGAIN}"
 
 
@@ -98,7 +100,7 @@ def watchdog_fault(found: int, armed: int, silence: str = "") -> str:
         return ""
     if found == reg.WATCHDOG_TRIPPED:
         return (
-            f"its bus watchdog tripped{silence}: it has stopped and ignores goals; the run stops; "
-            "the next run rearms it"
+            f"its bus watchdog tripped{silence}: it has stopped, and ignores goals until it is "
+            "enabled again"
         )
     return f"bus watchdog(98) reads {found} instead of {armed}: {AGAIN}"

@@ -21,7 +21,9 @@ from tautwave_drivers.feetech.models import model_name
 from tautwave_drivers.feetech.options import FeetechOptions, Servo
 from tautwave_drivers.feetech.tables import Identity, Register, identity_of, status_text
 
-AGAIN = "it was switched off and on, or another program wrote to it; check its supply; run again"
+AGAIN = (
+    "it was switched off and on, or another program wrote to it; check its supply, then enable it"
+)
 MARGIN = 1.2
 """Of the current of `effort_limit`, above which a servo cuts it."""
 SUPPLY_OFF = 0.2

@@ -89,7 +89,7 @@ class Axis:
         """
         status = sample.error | sample.status
         if status:
-            return f"{status_text(status)} (status {status:#04x}); the run stops"
+            return f"{status_text(status)} (status {status:#04x})"
         if sample.torque != tables.ON:
             return f"{tables.TORQUE} reads {sample.torque} instead of 1: {AGAIN}"
         if sample.torque_limit != self.limit or sample.lock != tables.LOCKED:

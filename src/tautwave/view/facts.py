@@ -8,7 +8,18 @@ from typing import Any
 
 from tautwave.config import Rig, local_wall
 from tautwave.runtime.operate.commands import EPISODE
-from tautwave.runtime.operate.states import BUTTONS, COMMANDS, SCALE, STATES, STOP, TRANSITIONS
+from tautwave.runtime.operate.journal import Journal
+from tautwave.runtime.operate.states import (
+    AFTER_FAULT,
+    BUTTONS,
+    COMMANDS,
+    SCALE,
+    STATES,
+    STOP,
+    Standing,
+    follow,
+    refusal,
+)
 from tautwave.runtime.tap import Live
 
 ELEMENT = re.compile(r"(?P<pair>.+)\.(?P<element>[^.]+)\.absorbed")
@@ -28,7 +39,9 @@ def facts_of(live: Live, rig: Rig) -> dict[str, Any]:
         "states": list(STATES),
         "commands": commands_of(live, rig),
         "scales": scales_of(rig),
-        "possible": _possible(),
+        "refusals": _refusals(),
+        "after_fault": AFTER_FAULT,
+        "dead_men": dead_men_of(rig),
         "tunables": _tunables(facts.get("tuning")),
     }
 
@@ -47,17 +60,27 @@ def scales_of(rig: Rig) -> list[float]:
     return sorted({1.0, *rig.operate.scales})
 
 
+def dead_men_of(rig: Rig) -> list[str]:
+    """Return the keys that have to be held while a rig is engaged."""
+    devices = () if rig.operate is None else rig.operate.key_devices
+    return [one.dead_man for one in devices if one.dead_man is not None]
+
+
 def _tunables(facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:
     """Return the knobs of a run, and what it cannot turn."""
     return [] if facts is None else [*facts["knobs"], *facts["fixed"]]
 
 
-def _possible() -> dict[str, list[str]]:
-    """Return the commands that are possible in each state."""
-    return {
-        state: [word for word in COMMANDS if (state, word) in TRANSITIONS] + [EPISODE]
-        for state in STATES
-    }
+def _refusals() -> dict[str, dict[str, str]]:
+    """Return why commands are refused, by state and word; what is not here is possible."""
+    found = {}
+    for state in STATES:
+        now = Standing(state)
+        words = [word for word in COMMANDS if follow(now, word) is None]
+        found[state] = {word: refusal(now, word) for word in words}
+        if why := Journal().misplaced("", state):
+            found[state][EPISODE] = why
+    return found
 
 
 def _pair(live: Live, rig: Rig, name: str) -> dict[str, Any]:

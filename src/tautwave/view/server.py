@@ -25,12 +25,16 @@ from tautwave.view.facts import commands_of
 from tautwave.view.foxglove import SUBPROTOCOLS, FoxgloveViewer
 from tautwave.view.foxglove_layout import layout_of
 from tautwave.view.guard import FOXGLOVE_SOCKET, HEADERS, PAGE_SOCKET, Door, refused
+from tautwave.view.so_far import SoFar, silence_of
 from tautwave.view.tuner import asked_of, tune
 from tautwave.view.viewers import Viewer
 from tautwave.view.watched import STOP, Watched
 
 LOOK_S = 1.0 / 30.0
 """From one look at the ring to the next; each brings all rows since the last."""
+
+LOOKS_A_NUMBER = 6
+"""From one time that pages are told what has happened to the next: 0.2 s, so it can be read."""
 
 WAIT_S, KNOCK_S = 0.2, 5.0
 MAX_VIEWERS = 16
@@ -125,6 +129,7 @@ class Server:
         self._sockets = {PAGE_SOCKET, *([FOXGLOVE_SOCKET] if foxglove else [])}
         self.news: list[Any] = []
         self.newest: Sequence[float] = ()
+        self.so_far: SoFar | None = None
         self._one_change = asyncio.Lock()
 
     async def serve(self) -> None:
@@ -172,6 +177,7 @@ class Server:
     def _open(self) -> None:
         run = Watched.of_run(self.directory)
         self.rig = load_rig(self.directory / "rig.yaml", choose=False)
+        self.so_far = SoFar(run.live.columns, silence_of(self.rig))
         self.run = run
 
     async def _begin(self) -> None:
@@ -189,24 +195,34 @@ class Server:
             viewer.greet()
 
     async def _watch(self) -> None:
-        run = self.run
+        run, so_far = self.run, self.so_far
         assert run is not None
-        width = 8 * len(run.live.columns)
-        sent = ""
+        assert so_far is not None
+        width = len(run.live.columns)
+        sent, told = "", so_far.facts()
+        looks = 0
         while True:
             ended = run.ended
             first, rows = run.tap.take_bytes()
             if rows:
-                self.newest = memoryview(rows)[-width:].cast("d").tolist()
+                values = memoryview(rows).cast("d")
+                self.newest = values[-width:].tolist()
+                so_far.take_rows(values)
             news = run.tap.news()
             for viewer in self.viewers:
                 if rows and viewer.greeted:
-                    viewer.offer(first, len(rows) // width, run.tap.missed, rows)
+                    viewer.offer(first, len(values) // width, run.tap.missed, rows)
             if news != sent:
                 sent = news
                 self.news = list(parse_json(news))
-                for viewer in self.viewers:
-                    viewer.tell("news", entries=self.news)
+                so_far.take_news(self.news)
+            looks += 1
+            if ended or looks % LOOKS_A_NUMBER == 0:
+                kinds, facts = so_far.take_new(), so_far.facts()
+                if kinds or facts != told:
+                    for viewer in self.viewers:
+                        viewer.tell("so_far", kinds=kinds, **facts)
+                    told = facts
             if ended:
                 return
             await asyncio.sleep(LOOK_S)

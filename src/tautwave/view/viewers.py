@@ -14,6 +14,7 @@ from tautwave.config import Rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import TautwaveError
 from tautwave.view.facts import facts_of
+from tautwave.view.so_far import SoFar
 from tautwave.view.watched import Watched
 
 MAX_WAITING = 4 << 20
@@ -24,12 +25,13 @@ ROWS = struct.Struct("<dd")
 
 
 class Hub(Protocol):
-    """What viewers find at the server: the run and its newest row, and the ways to it."""
+    """What viewers find at the server: the run, its newest row, what happened, the ways to it."""
 
     run: Watched | None
     rig: Rig | None
     newest: Sequence[float]
     news: list[Any]
+    so_far: SoFar | None
 
     def knows(self, token: object) -> bool:
         """Return whether that is the token."""
@@ -57,8 +59,9 @@ class Viewer:
         """Say what the rows mean."""
         assert self.hub.run is not None
         assert self.hub.rig is not None
+        assert self.hub.so_far is not None
         self.tell("hello", **facts_of(self.hub.run.live, self.hub.rig), may=self.may)
-        self.tell("news", entries=self.hub.news)
+        self.tell("so_far", kinds=self.hub.so_far.kinds(), **self.hub.so_far.facts())
         self.greeted = True
 
     def offer(self, first: int, count: int, missed: int, rows: bytes) -> None:

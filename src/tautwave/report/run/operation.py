@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.tables import Table
 from tautwave.report.units import count, plural, quantity
 from tautwave.runtime.operate.journal import said_of
-from tautwave.summary.model import Entry, Operation
+from tautwave.summary.model import Operation
+from tautwave.summary.repeats import collapsed
 
 MOST = 60
 """Entries of the journal that a page has; summary.json has all."""
@@ -55,32 +54,6 @@ def journal_table(run: Run) -> Table:
             f" The first {MOST} of {count(len(entries))} kinds of entries; summary.json has all."
         )
     return Table("Journal", ("at", "", "from", "then", ""), rows, note)
-
-
-Repeated = tuple[Entry, int, float]
-"""An entry, how often it came, and when last [s]."""
-
-
-def collapsed(entries: Sequence[Entry]) -> list[Repeated]:
-    """Return entries with repeats as one, where the first of them was.
-
-    Faults and refusals count as repeats wherever they come, everything else where nothing is left
-    between.
-    """
-    alike: dict[int, list[Entry]] = {}
-    places: dict[tuple[object, ...], int] = {}
-    last: tuple[object, ...] = ()
-    for one in entries:
-        key = (one.word, one.source, one.state, one.text, one.refused)
-        event = one.severity == "note"
-        if key in places and (event or key == last):
-            alike[places[key]].append(one)
-        else:
-            places[key] = len(alike)
-            alike[places[key]] = [one]
-        if not event:
-            last = key
-    return [(same[0], len(same), same[-1].at_s) for same in alike.values()]
 
 
 def _again(times: int, last: float) -> str:

@@ -63,6 +63,10 @@ TRANSITIONS: dict[tuple[str, str], str] = {
 """State and command or event, and the state that follows; what is not here is refused."""
 
 
+AFTER_FAULT = "engage: not possible after a fault; check it, then rest"
+"""Why a rig does not engage in any state."""
+
+
 class Standing(NamedTuple):
     """The state, and whether a fault has to be acknowledged (by `rest`) before engaging."""
 
@@ -84,6 +88,6 @@ def follow(now: Standing, word: str) -> Standing | None:
 def refusal(now: Standing, word: str) -> str:
     """Say why a command is refused, and what is possible."""
     if word == ENGAGE and now.faulted:
-        return "engage: rejected after a fault; check it, then send: rest"
+        return AFTER_FAULT
     possible = [command for command in COMMANDS if follow(now, command) is not None]
     return f"{word}: not possible while {now.state}; possible: {', '.join(possible) or 'nothing'}"

@@ -10,6 +10,20 @@ const HINTS = {
   rest: "Back to idle; acknowledges a fault",
 };
 
+const NO_TOKEN = "without the token one may only look, and stop: open the address that was printed";
+const MAX_ENTRIES = 200;
+
+function entryItem(entry, again, mark) {
+  const item = document.createElement("li");
+  const time = document.createElement("time");
+  time.textContent = `${entry.at_s.toFixed(2)} s`;
+  if (entry.word === "fault" || entry.word === "blocked" || entry.refused) item.className = "bad";
+  if (mark) item.classList.add("cause");
+  const said = entry.text ? `: ${entry.text}` : "";
+  item.append(time, `${mark ? `${mark}, ` : ""}${entry.word} (${entry.source})${said}${again}`);
+  return item;
+}
+
 export class Controls {
   constructor(facts, send) {
     this.facts = facts;
@@ -17,7 +31,9 @@ export class Controls {
     this.may = facts.may;
     this.state = null;
     this.episode = 0;
-    this.seen = 0;
+    this.faults = null;
+    this.faulted = false;
+    this.kinds = new Map();
     this.operated = facts.commands.length > 1;
     el("operate").hidden = !this.operated;
     el("commands").replaceChildren(
@@ -41,7 +57,6 @@ export class Controls {
   button(word) {
     const button = document.createElement("button");
     button.textContent = word;
-    button.title = HINTS[word] ?? "";
     button.dataset.word = word;
     button.onclick = () => this.command(word);
     return button;
@@ -50,7 +65,7 @@ export class Controls {
   scaleButton(scale) {
     const button = document.createElement("button");
     button.textContent = plain(scale);
-    button.title = "The slave's motion times this, from where it is; the journal says whether the pairs let go for it";
+    button.dataset.hint = "The slave's motion times this, from where it is; the journal says whether the pairs let go for it";
     button.value = scale;
     button.onclick = () => this.command(`scale ${scale}`);
     return button;
@@ -75,35 +90,61 @@ export class Controls {
     this.enable();
   }
 
+  // Why a command would be refused now, "" where it would not.
+  refusal(word) {
+    if (!this.may) return NO_TOKEN;
+    if (word === "engage" && this.faulted) return this.facts.after_fault;
+    return this.facts.refusals[this.state]?.[word] ?? "";
+  }
+
   enable() {
-    const possible = this.facts.possible[this.state] ?? [];
-    for (const button of el("commands").children) {
-      button.disabled = !this.may || !possible.includes(button.dataset.word);
+    const words = [];
+    const set = (button, why, word) => {
+      button.disabled = Boolean(why);
+      button.title = why || (HINTS[word] ?? button.dataset.hint ?? "");
+      if (why && word) words.push(word);
+    };
+    for (const button of el("commands").children) set(button, this.refusal(button.dataset.word), button.dataset.word);
+    for (const button of this.scales) set(button, this.refusal("scale"));
+    const none = this.episode ? "" : "episode success, failed: no episode is running";
+    const runs = this.episode ? `episode ${this.episode} is running; end it first, with success or failed` : this.refusal("episode");
+    set(el("episode-begin"), this.may ? runs : NO_TOKEN, this.episode ? "" : "episode");
+    for (const id of ["episode-success", "episode-failed"]) set(el(id), this.may ? none : NO_TOKEN);
+    set(el("apply"), this.may ? "" : NO_TOKEN);
+    const why = [];
+    if (!this.may) {
+      why.push(NO_TOKEN);
+    } else {
+      if (this.faulted) why.push(this.facts.after_fault);
+      const others = this.faulted ? words.filter((word) => word !== "engage") : words;
+      if (others.length) why.push(`not possible while ${this.state}: ${others.join(", ")}`);
+      if (this.facts.dead_men.length) why.push(`engages only while held: ${this.facts.dead_men.join(", ")}`);
     }
-    for (const button of this.scales) button.disabled = !this.may || !possible.includes("scale");
-    el("episode-begin").disabled = !this.may || this.episode > 0;
-    for (const id of ["episode-success", "episode-failed"]) el(id).disabled = !this.may || !this.episode;
-    el("apply").disabled = !this.may;
+    el("why").replaceChildren(...why.map((text) => {
+      const item = document.createElement("li");
+      item.textContent = text;
+      return item;
+    }));
   }
 
   // -- journal ------------------------------------------------------------------------------
 
-  news(entries) {
-    for (const [number, entry] of entries) {
-      if (number <= this.seen) continue;
-      this.seen = number;
-      const item = document.createElement("li");
-      const time = document.createElement("time");
-      time.textContent = `${entry.at_s.toFixed(2)} s`;
-      const said = entry.text ? `: ${entry.text}` : "";
-      const bad = entry.word === "fault" || entry.word === "blocked" || entry.refused;
-      if (bad) item.className = "bad";
-      item.append(time, `${entry.word} (${entry.source})${said}`);
-      el("entries").prepend(item);
-      if (entry.word === "fault") this.beep("fault");
+  // What came since: counts, kinds of entries, and the first cause of what is not acknowledged.
+  soFar(said) {
+    for (const [place, entry, times, last] of said.kinds) this.kinds.set(place, { entry, times, last });
+    if (said.faulted !== this.faulted) {
+      this.faulted = said.faulted;
+      this.enable();
     }
-    while (el("entries").children.length > 200) el("entries").lastChild.remove();
-    el("news").hidden = !el("entries").children.length;
+    if (this.faults !== null && said.faults > this.faults) this.beep("fault");
+    this.faults = said.faults;
+    if (!said.kinds.length && this.cause === said.cause?.at_s) return;
+    this.cause = said.cause?.at_s;
+    const newest = [...this.kinds.values()].sort((a, b) => b.last - a.last).slice(0, MAX_ENTRIES);
+    const items = newest.map(({ entry, times, last }) => entryItem(entry, times > 1 ? ` (x ${times}, last ${last.toFixed(2)} s)` : ""));
+    if (said.cause) items.unshift(entryItem(said.cause, "", "first cause"));
+    el("entries").replaceChildren(...items);
+    el("news").hidden = !items.length;
   }
 
   // -- tuning -------------------------------------------------------------------------------

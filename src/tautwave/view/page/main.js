@@ -13,7 +13,7 @@ const token = location.hash.slice(1) || sessionStorage.getItem("token") || "";
 sessionStorage.setItem("token", token);
 history.replaceState(null, "", location.pathname);
 
-const app = { ended: false };
+const app = { ended: false, hearSoFar: soFar };
 window.tautwave = app; // for scripts and for the curious
 
 function note(text, kind) {
@@ -53,6 +53,26 @@ function begin(facts) {
   app.schematic.show(facts.pairs[0]);
 }
 
+// Engaged time, faults, stops and cut-off moments, as the server has counted them.
+function soFar(said) {
+  app.soFar = said;
+  app.controls?.soFar(said);
+  const times = (count, noun) => (count ? [`${count} ${noun}${count === 1 ? "" : "s"}`] : []);
+  const parts = [...times(said.faults, "fault"), ...times(said.stops, "stop")];
+  if (said.cut_off) parts.push(`cut off ${times(said.cut_off, "time")}`);
+  badge("events", parts.join(", "), said.faults || said.cut_off ? "bad" : "");
+  el("events").title = said.cause ? said.cause.text : "";
+}
+
+function engagedTime(now) {
+  const { soFar: said } = app;
+  if (!said?.operated || said.from_s === null) return [];
+  const whole = now - said.from_s;
+  const since = said.from_s > 1 ? ` since ${said.from_s.toFixed(0)} s` : "";
+  if (!said.engaged_s) return [`never engaged${since}`];
+  return [`engaged ${said.engaged_s.toFixed(1)} of ${whole.toFixed(1)} s${since}`];
+}
+
 function rows(buffer) {
   const numbers = new Float64Array(buffer);
   app.store.push(numbers[0], numbers[1], numbers.subarray(HEADER));
@@ -61,7 +81,7 @@ function rows(buffer) {
 const hear = {
   hello: begin,
   may: (said) => app.controls?.allow(said.may),
-  news: (said) => app.controls?.news(said.entries),
+  so_far: soFar,
   note: (said) => note(said.text, said.kind),
   tuned: (said) => { note(said.text, "done"); app.controls.tuned(); },
   ended: (said) => {
@@ -110,12 +130,13 @@ function frame(now) {
   const { store, facts } = app;
   const code = store.newest("operation.state");
   const state = code === undefined ? "engaged" : facts.states[code];
-  badge("state", state, state === "engaged" ? "good" : "");
+  badge("state", app.soFar?.faulted ? `${state} after a fault` : state, app.soFar?.faulted ? "bad" : state === "engaged" ? "good" : "");
   app.controls.show(state, store.newest("operation.episode") ?? 0, store.newest("operation.scale"));
   app.controls.showTuning(store);
   app.schematic.draw();
   const episode = store.newest("operation.episode");
-  const parts = [`${store.newest("time_s").toFixed(1)} s`, `${facts.rate_hz} Hz`, `late ${store.newest("lateness_us")?.toFixed(0)} µs`];
+  const at = store.newest("time_s");
+  const parts = [`${at.toFixed(1)} s`, ...engagedTime(at), `${facts.rate_hz} Hz`, `late ${store.newest("lateness_us")?.toFixed(0)} µs`];
   if (episode) parts.push(`episode ${episode}`);
   if (store.missed) parts.push(`${store.missed} rows not seen`);
   if (!app.controls.may) parts.push("looking only");
