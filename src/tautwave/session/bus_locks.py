@@ -72,8 +72,8 @@ def _name(endpoint: str) -> str:
     elif endpoint.startswith("tcp://"):
         host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
         try:
-            found = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_STREAM)
-            endpoint = "tcp://{}:{}".format(*found[0][4][:2])
+            addresses = socket.getaddrinfo(host.strip("[]"), port, type=socket.SOCK_STREAM)
+            endpoint = "tcp://{}:{}".format(*addresses[0][4][:2])
         except OSError:  # the driver says so when it opens it
             pass
     return f"\0tautwave-bus-{hashlib.sha256(endpoint.encode()).hexdigest()[:32]}"
@@ -84,10 +84,10 @@ def _holder(name: str) -> int:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         try:
             asking.connect(name)
-            found = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
+            credentials = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
         except OSError:
             return 0
-    return int(CREDENTIALS.unpack(found)[0])
+    return int(CREDENTIALS.unpack(credentials)[0])
 
 
 def _described(process: int) -> str:
@@ -97,6 +97,6 @@ def _described(process: int) -> str:
         words = Path(f"/proc/{process}/cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         words = []
-    said = " ".join(word for word in words if word)
-    shown = "".join(letter if letter.isprintable() else "?" for letter in said)
+    joined = " ".join(word for word in words if word)
+    shown = "".join(letter if letter.isprintable() else "?" for letter in joined)
     return f"process {process}" + (f" ({shown[:LONGEST]})" if shown else "")

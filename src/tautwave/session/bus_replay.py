@@ -197,7 +197,7 @@ def replay_bus(rig: Rig, bus: str, events: Sequence[Event]) -> Replayed:
     spec = bus_spec(rig, bus)._replace(allow_unwatched=True)
     options = plugin.options.model_validate(rig.buses[bus].options)
     driver = plugin.make(options, spec, clock, player)
-    said, enabled, cycles, samples = "", False, 0, 0
+    reason, enabled, cycles, samples = "", False, 0, 0
     faults: list[str] = []
     try:
         driver.open()
@@ -206,13 +206,13 @@ def replay_bus(rig: Rig, bus: str, events: Sequence[Event]) -> Replayed:
             if enabled:
                 break
             clock.sleep_until(clock.now_ns() + spec.period_ns)
-        while enabled and player.left and cycles < MAX_CYCLES and not said:
+        while enabled and player.left and cycles < MAX_CYCLES and not reason:
             began, left = clock.now_ns(), player.left
             driver.request()
             states = driver.read(began + spec.period_ns * 8 // 10)
-            found = list(driver.faults())
-            faults += [fault.text for fault in found]
-            said = next((fault.text for fault in found if fault.fatal), "")
+            faults_now = list(driver.faults())
+            faults += [fault.text for fault in faults_now]
+            reason = next((fault.text for fault in faults_now if fault.fatal), "")
             samples += sum(state.valid for state in states)
             driver.write([SAFE_COMMAND] * len(states))
             clock.sleep_until(began + spec.period_ns)
@@ -220,12 +220,12 @@ def replay_bus(rig: Rig, bus: str, events: Sequence[Event]) -> Replayed:
             if player.left == left:
                 break
     except TautwaveError as err:
-        said = str(err)
+        reason = str(err)
     finally:
         unknown = dict(player.unknown)
         driver.close()
     notes = [str(note) for note in getattr(driver, "notes", ())]
-    return Replayed(bus, said, enabled, cycles, samples, faults, notes, unknown)
+    return Replayed(bus, reason, enabled, cycles, samples, faults, notes, unknown)
 
 
 def read_traffic(path: Path, stage: str | None = None) -> tuple[list[Event], dict[str, Any]]:
@@ -241,17 +241,17 @@ def read_traffic(path: Path, stage: str | None = None) -> tuple[list[Event], dic
         events = parse_lines(text.splitlines(), str(path), sent_by_hosts)
         rig: dict[str, Any] = {}
     else:
-        found = read_shared(path)
-        having = [name for name, one in found.stages.items() if one.get("traffic")]
+        accepted = read_shared(path)
+        having = [name for name, one in accepted.stages.items() if one.get("traffic")]
         if stage is not None and stage not in having:
             raise ConfigError(
                 f"{path}: has no traffic of a stage {stage!r}; of {', '.join(having) or 'none'}"
             )
         chosen = stage or (having[-1] if having else "")
-        lines = found.stages[chosen]["traffic"] if chosen else []
+        lines = accepted.stages[chosen]["traffic"] if chosen else []
         if not (isinstance(lines, list) and all(isinstance(line, str) for line in lines)):
             raise ConfigError(f"{path}: traffic of stage {chosen!r} is no list of lines of text")
-        events, rig = parse_lines(lines, str(path), sent_by_hosts), found.rig
+        events, rig = parse_lines(lines, str(path), sent_by_hosts), accepted.rig
     if not events:
         raise ConfigError(f"{path}: has no traffic")
     return events, rig

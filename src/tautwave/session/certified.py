@@ -54,8 +54,8 @@ def certificate_of(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, Any]:
         raise ConfigError(f"{rig.source or rig.name}: {why}")
     if child.returncode != 0:
         return _none(rig, why)
-    found: dict[str, Any] = json.loads(child.stdout)
-    return found
+    certificate: dict[str, Any] = json.loads(child.stdout)
+    return certificate
 
 
 def certificates_of(rigs: Sequence[Rig], ways: Mapping[str, BusWay]) -> list[dict[str, Any]]:

@@ -49,11 +49,11 @@ class PortClaim(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers as data for JSON, which has no infinity: null, and why in `absent`."""
-        found: dict[str, Any] = dict.fromkeys(Stated._fields)
+        data: dict[str, Any] = dict.fromkeys(Stated._fields)
         if self.stated is not None:
-            found |= self.stated._asdict()
-        found |= {"claim_j": self.claim_j, "kinetic_j": self.kinetic_j, "ratio": self.ratio}
-        kept = {key: None if value == math.inf else value for key, value in found.items()}
+            data |= self.stated._asdict()
+        data |= {"claim_j": self.claim_j, "kinetic_j": self.kinetic_j, "ratio": self.ratio}
+        kept = {key: None if value == math.inf else value for key, value in data.items()}
         kept["absent"] = {key: self.absent.get(key, "") for key in kept if kept[key] is None}
         return kept | ({"judged": self.judged} if self.judged else {})
 
@@ -68,12 +68,12 @@ def claims_of(
     """
     watched = watchdogs(rig)
     if rig.scene is not None:
-        found = _of_scene(rig, delays, watched)
+        claims = _of_scene(rig, delays, watched)
     elif coupling_part(rig).claim:
-        found = _of_ports(rig, delays, watched)
+        claims = _of_ports(rig, delays, watched)
     else:
-        found = _by_tuning(rig, delays, watched, elements)
-    return sorted(found, key=lambda claim: list(rig.axes).index(claim.axis))
+        claims = _by_tuning(rig, delays, watched, elements)
+    return sorted(claims, key=lambda claim: list(rig.axes).index(claim.axis))
 
 
 def _of_ports(rig: Rig, delays: Delays, watched: Mapping[str, float]) -> Iterator[PortClaim]:

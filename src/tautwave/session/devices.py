@@ -46,15 +46,15 @@ def devices(rig: Rig, ways: Mapping[str, BusWay]) -> Iterator[dict[str, BusWay]]
         They do not start, an endpoint is already served or has a master, or devices expected
         elsewhere are not served.
     """
-    found = attached(rig, ways)
-    buses = _of(found, Way.SERVED)
-    named = _named(found, buses)
+    announced = attached(rig, ways)
+    buses = _of(announced, Way.SERVED)
+    named = _named(announced, buses)
     alone = registered(rig, RUN, named) if named else nullcontext()
-    with alone, served(overlaid(rig, found), buses) as lines:
+    with alone, served(overlaid(rig, announced), buses) as lines:
         for name, line in lines.items():
-            found[name] = _led(found[name], line)
-        with sole_master({name: way.endpoint for name, way in found.items()}):
-            yield found
+            announced[name] = _led(announced[name], line)
+        with sole_master({name: way.endpoint for name, way in announced.items()}):
+            yield announced
 
 
 def attached(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, BusWay]:
@@ -67,18 +67,18 @@ def attached(rig: Rig, ways: Mapping[str, BusWay]) -> dict[str, BusWay]:
     DriverError
         A bus without its own endpoint is not served, or its server has died.
     """
-    found = dict(ways)
+    with_server = dict(ways)
     buses = [] if rig.simulation is None else _of(ways, Way.ELSEWHERE)
     if not buses:
-        return found
+        return with_server
     server = find_server(rig)
     for name in buses:
         line = None if server is None else server.buses.get(name)
         if server is not None and line is not None:
-            found[name] = _led(ways[name], line)._replace(server=server.pid)
+            with_server[name] = _led(ways[name], line)._replace(server=server.pid)
         elif not ways[name].endpoint:
             raise DriverError(_not_served(rig, name, ways[name], server))
-    return found
+    return with_server
 
 
 def _not_served(rig: Rig, name: str, way: BusWay, server: Server | None) -> str:
@@ -98,7 +98,7 @@ def _led(way: BusWay, line: Mapping[str, Any]) -> BusWay:
 
 
 def _of(ways: Mapping[str, BusWay], way: Way) -> list[str]:
-    return [name for name, found in ways.items() if found.way is way]
+    return [name for name, bus_way in ways.items() if bus_way.way is way]
 
 
 def _named(ways: Mapping[str, BusWay], buses: Sequence[str]) -> list[str]:

@@ -51,8 +51,8 @@ class PairFacts(NamedTuple):
 def coupling_messages(rig: Rig) -> CouplingMessages:
     """Return the messages of a rig's coupling law, in an account if there is one."""
     named = coupling_part(rig).messages
-    found: CouplingMessages = load_named(named) if named else CouplingMessages()
-    return found
+    messages: CouplingMessages = load_named(named) if named else CouplingMessages()
+    return messages
 
 
 def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFacts:
@@ -70,14 +70,14 @@ def stated_claims(
 
     `watched` are the rig's `watchdogs`.
     """
-    found = {}
+    claims = {}
     for side in rig.own_sides:
         axis_name = f"{side}.{name}"
         claim = terms_of(rig, axis_name, delays)
         if isinstance(claim, Claim):
             stated = stated_claim(claim, rig.claimed_s, watched.get(axis_name))
-            found[axis_name] = stated, judge_claim(rig, axis_name, claim).state
-    return found
+            claims[axis_name] = stated, judge_claim(rig, axis_name, claim).state
+    return claims
 
 
 def port_claims(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def summary_claims(
     `claim_j` as `port_claims`, and in `claims` what is stated of each, of a law that tells; the
     greatest of those of `rigs`, a rig at its scales.
     """
-    found = times(greatest([port_claims(rig, name, delays) for rig in rigs]), count)
+    most = times(greatest([port_claims(rig, name, delays) for rig in rigs]), count)
     claims: dict[str, dict[str, Any]] = {}
     for rig in rigs:
         for axis_name, (one, judged) in stated_claims(rig, name, delays, watchdogs(rig)).items():
@@ -108,7 +108,7 @@ def summary_claims(
             side = axis_name.partition(".")[0]
             if side not in claims or all_of.claim_j > claims[side]["claim_j"]:
                 claims[side] = {**all_of._asdict(), "judged": judged}
-    return found | ({"claims": claims} if claims else {})
+    return most | ({"claims": claims} if claims else {})
 
 
 def pair_sentence(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> str:

@@ -119,11 +119,11 @@ def backlog_warning(
 
     `share` of the rows that may wait do.
     """
-    said: list[bool] = []
+    warned: list[bool] = []
 
     def look() -> None:
-        if warn is not None and not said and share() > MAX_BACKLOG:
-            said.append(True)
+        if warn is not None and not warned and share() > MAX_BACKLOG:
+            warned.append(True)
             warn(
                 "the disk is slower than the run: half of the rows that may wait for it do, and "
                 "the next ones are soon lost; stop, and give --out on another disk"

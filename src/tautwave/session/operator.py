@@ -157,8 +157,8 @@ class Session:
 
     def end_episode(self, success: bool | None = None) -> None:
         """End the current episode."""
-        said = "" if success is None else " success" if success else " failed"
-        self._send(f"episode{said}")
+        verdict = "" if success is None else " success" if success else " failed"
+        self._send(f"episode{verdict}")
 
     def record_again(self) -> None:
         """Discard the current episode, or else the last one: it is to be recorded again."""
@@ -189,8 +189,8 @@ class Session:
             self._newest = rows[-1] if rows else self._newest
             valid = self._valid
             self._whole = next((r for r in reversed(rows) if all(r[k] for k in valid)), self._whole)
-            if found := self._whole if whole else self._newest:
-                return dict(zip(self._live.columns, found, strict=True))
+            if values := self._whole if whole else self._newest:
+                return dict(zip(self._live.columns, values, strict=True))
         raise RecordingError(f"{self.directory}: no row yet")
 
     def age_s(self, row: Mapping[str, float]) -> float:
@@ -224,17 +224,17 @@ class Session:
     def wait(self) -> dict[str, Any]:
         """Wait for the end of the run and its report; return its summary, {} without one."""
         if self._child is not None and self.exit_code is None:
-            _, said = self._child.communicate()
+            _, errors = self._child.communicate()
             self.exit_code = self._child.returncode
             if self._tap is not None:
                 self._tap.close()
                 self._tap = None
-            self._said = said.decode("utf-8", "replace").strip()
+            self._said = errors.decode("utf-8", "replace").strip()
         try:
-            found = parse_json((self.directory / "summary.json").read_text(encoding="utf-8"))
+            summary = parse_json((self.directory / "summary.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return {}
-        return dict(found)
+        return dict(summary)
 
     def _running(self) -> bool:
         return self._child is not None and self._child.poll() is None

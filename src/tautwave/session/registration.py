@@ -84,11 +84,11 @@ def directory() -> Path:
         path = Path(given) / "tautwave"
     try:
         path.mkdir(PRIVATE, exist_ok=True)
-        found = path.lstat()
+        status = path.lstat()
     except OSError as err:
         raise DriverError(f"{path}: cannot be made: {err.strerror}; set XDG_RUNTIME_DIR") from err
-    private = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
-    if not private or found.st_mode & 0o077:
+    private = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
+    if not private or status.st_mode & 0o077:
         raise DriverError(
             f"{path}: should be a directory accessible only to you (mode 700); remove it, or set "
             "XDG_RUNTIME_DIR"
@@ -207,15 +207,15 @@ def _here(endpoints: Sequence[str]) -> tuple[str, ...]:
 
 def _servers() -> list[tuple[Path, Server]]:
     """Return all registrations, dead or alive; other files are ignored."""
-    found = []
+    servers = []
     for path in sorted(directory().glob("*.json")):
         try:
             keys = parse_json(read_guarded(path, "registration", LARGEST))
             keys["endpoints"] = tuple(keys["endpoints"])
-            found.append((path, Server(**keys)))
+            servers.append((path, Server(**keys)))
         except (ConfigError, ValueError, TypeError, KeyError):
             continue
-    return found
+    return servers
 
 
 def _new(path: Path) -> TextIO:

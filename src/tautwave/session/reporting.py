@@ -97,8 +97,8 @@ def outcome_of(result: LoopResult, assembly: Assembly) -> tuple[Outcome, int]:
     axis = next(name for bus in assembly.buses for name in bus.driver.unconfirmed)
     stop = StopPlace(seconds, axis, "fault")._asdict()
     sentence = f"{outcome.sentence}; {enabled}"
-    said = outcome.model_dump(exclude_unset=True)
-    update = {**stop, **said, "kind": "fault", "sentence": sentence}
+    stated = outcome.model_dump(exclude_unset=True)
+    update = {**stop, **stated, "kind": "fault", "sentence": sentence}
     return Outcome.model_validate(update), DeviceFault.exit_code
 
 

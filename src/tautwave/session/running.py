@@ -82,8 +82,8 @@ class RunResult(NamedTuple):
     @property
     def why(self) -> str:
         """How it ended, or why its exit code is not 0, as a clause."""
-        said = last_line(self.summary.rig, self.summary, self.exit_code)
-        return " ".join(said.splitlines()).rstrip(".")
+        sentence = last_line(self.summary.rig, self.summary, self.exit_code)
+        return " ".join(sentence.splitlines()).rstrip(".")
 
 
 @interrupts()
@@ -169,8 +169,8 @@ def run(
         refuse_uncertified(rig, certificate)
     rig = certified_rig(as_taken(rig, ways), certificate)
     scales = [] if allow_uncertified else scales_of(rig)
-    for at_scale, found in zip(scales, certificates_of(scales, ways), strict=True):
-        refuse_uncertified(at_scale, found)
+    for at_scale, certified in zip(scales, certificates_of(scales, ways), strict=True):
+        refuse_uncertified(at_scale, certified)
     engine = None
     if rig.scene is not None:
         if progress is not None and clock == "real":

@@ -17,8 +17,8 @@ def scales_of(rig: Rig) -> list[Rig]:
 def greatest(claims: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the greatest claim of each side [J] among those of a rig with several scales."""
     sides = claims[0].get("claim_j", {})
-    found = {side: max(one["claim_j"][side] for one in claims) for side in sides}
-    return {"claim_j": found} if found else {}
+    by_side = {side: max(one["claim_j"][side] for one in claims) for side in sides}
+    return {"claim_j": by_side} if by_side else {}
 
 
 def times(claims: dict[str, Any], count: int) -> dict[str, Any]:

@@ -133,8 +133,8 @@ def _announced(bus: str, child: subprocess.Popen[bytes]) -> dict[str, Any]:
     ready, _, _ = select.select([child.stdout], [], [], START_TIMEOUT_S)
     line = child.stdout.readline() if ready else b""
     if line:
-        found: dict[str, Any] = json.loads(line)
-        return found
+        announced: dict[str, Any] = json.loads(line)
+        return announced
     child.terminate()
     _, errors = child.communicate()
     reason = errors.decode(errors="replace").strip().splitlines()[-1:] or ["it gave no reason"]

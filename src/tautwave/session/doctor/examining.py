@@ -19,14 +19,14 @@ def examine(
 ) -> list[Finding]:
     """Return every finding; with a rig, about its own ports and interfaces only."""
     loop = Loop() if rig is None else rig.loop
-    found = list(machine.examine(root, loop.fifo_priority, loop.lock_memory))
+    findings = list(machine.examine(root, loop.fifo_priority, loop.lock_memory))
     if rig is not None:
-        return [*found, *_of_rig(rig, root, links)]
+        return [*findings, *_of_rig(rig, root, links)]
     for port in wires.serial_ports(root):
-        found += wires.serial_port(port, root)
+        findings += wires.serial_port(port, root)
     for channel in wires.can_interfaces(root):
-        found += wires.can_interface(channel, root, None, links)
-    return found
+        findings += wires.can_interface(channel, root, None, links)
+    return findings
 
 
 def _of_rig(rig: Rig, root: Path, links: wires.Links) -> Iterator[Finding]:

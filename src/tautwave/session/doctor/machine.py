@@ -49,12 +49,12 @@ def throttling(root: Path) -> Finding:
             "real-time throttling", COSTS, "off",
             "a hung loop blocks its core, possibly with your terminal on it", mend,
         )  # fmt: skip
-    found = f"{runtime / period:.0%} of each {1e-6 * period:g} s"
+    share = f"{runtime / period:.0%} of each {1e-6 * period:g} s"
     if runtime < 0.8 * period:
         return Finding(
-            "real-time throttling", COSTS, found, "the loop is suspended for the rest of it", mend
+            "real-time throttling", COSTS, share, "the loop is suspended for the rest of it", mend
         )
-    return Finding("real-time throttling", GOOD, found)
+    return Finding("real-time throttling", GOOD, share)
 
 
 def priority(wanted: int) -> Finding:

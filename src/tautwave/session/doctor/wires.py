@@ -126,10 +126,10 @@ def _first_object(*command: str) -> Mapping[str, Any]:
     """Return the first object that a command prints as JSON; {} where it prints none."""
     try:
         done = subprocess.run(command, capture_output=True, timeout=5, check=True)
-        found = parse_json(done.stdout.decode("utf-8", "replace"))
+        parsed = parse_json(done.stdout.decode("utf-8", "replace"))
     except (OSError, subprocess.SubprocessError, ValueError):
         return {}
-    return found[0] if isinstance(found, list) and found and isinstance(found[0], dict) else {}
+    return parsed[0] if isinstance(parsed, list) and parsed and isinstance(parsed[0], dict) else {}
 
 
 def _group(path: Path) -> str:

@@ -91,7 +91,7 @@ def read_answers(text: str, name: str) -> Scripted:
     ConfigError
         A line is wrong; every mistake with its line.
     """
-    found, problems = [], []
+    answers, problems = [], []
     for number, line, seconds, answer in timed_lines(text):
         if not 0.0 <= seconds < 1e4:
             problems.append(
@@ -99,9 +99,9 @@ def read_answers(text: str, name: str) -> Scripted:
                 f"(got {line[:40]!r})"
             )
             continue
-        found.append((seconds, answer))
-    if len(problems) > MANY and not found:
+        answers.append((seconds, answer))
+    if len(problems) > MANY and not answers:
         raise ConfigError(f"{name}: contains no line SECONDS ANSWER, such as `1.5 yes`")
     if problems:
         raise ConfigError(problems)
-    return Scripted(found)
+    return Scripted(answers)

@@ -170,9 +170,9 @@ def run_guided(
     assert isinstance(control, GuidedControl)
     if not control.over:
         raise ConfigError(f"the procedure did not finish within {longest_s:g} s")
-    said = {k: v for bus in assembly.buses for k, v in identities(bus.driver).items()}
+    reported = {k: v for bus in assembly.buses for k, v in identities(bus.driver).items()}
     notes = [note for bus in assembly.buses for note in getattr(bus.driver, "notes", ())]
-    return Guided(control.result, said, notes)
+    return Guided(control.result, reported, notes)
 
 
 def _witness(assembly: Assembly) -> Callable[[str], tuple[float, float]]:

@@ -113,19 +113,19 @@ def interval(estimate: Estimate) -> dict[str, float]:
 def device_numbers(fit: DeviceFit) -> dict[str, float]:
     """Return what a fit says of a device and its motion, by the names of their bounds [SI]."""
     names = ("inertia", "damping", "coulomb", "bias")
-    found = {name: float(getattr(fit, name).value) for name in names}
-    return found | {"peak_velocity": fit.peak_velocity}
+    numbers = {name: float(getattr(fit, name).value) for name in names}
+    return numbers | {"peak_velocity": fit.peak_velocity}
 
 
 def beliefs(fit: DeviceFit) -> dict[str, dict[str, Any]]:
     """Return `inertia`, `damping` and `coulomb` as a rig file takes them."""
-    found: dict[str, dict[str, Any]] = {}
+    blocks: dict[str, dict[str, Any]] = {}
     for name in ("inertia", "damping", "coulomb"):
         estimate = getattr(fit, name)
         value = _round(max(estimate.value, 0.0))
         lower = _round(CAUTION * max(estimate.lower, 0.0), down=True)
-        found[name] = {"value": value, "lower": min(lower, value), "source": "identified"}
-    return found
+        blocks[name] = {"value": value, "lower": min(lower, value), "source": "identified"}
+    return blocks
 
 
 def _round(value: float, *, down: bool = False) -> float:
@@ -249,13 +249,13 @@ def identify_device(
         progress(1.0, "fitting")
     with run.heard.raised():
         fit = fit_recorded(out / "recording.mcap", name, run.rig, run.delay, plan.highest_hz)
-    found = DeviceResult(
+    result = DeviceResult(
         name, rig.axes[name].kind, fit, plan, run.seconds, [], out, run.interrupted
     )
-    found = found._replace(notes=[*run.notes, *found.implausible, *_doubts(fit, plan)])
-    text = json.dumps(found.as_dict(), indent=2, ensure_ascii=False)
+    result = result._replace(notes=[*run.notes, *result.implausible, *_doubts(fit, plan)])
+    text = json.dumps(result.as_dict(), indent=2, ensure_ascii=False)
     write_text(out / "identification.json", text + "\n")
-    return found
+    return result
 
 
 class ExcitedRun(NamedTuple):

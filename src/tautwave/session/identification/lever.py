@@ -192,8 +192,8 @@ def identify_lever(
     raw = read_positions(source, series.position_name, time, axis, part, stated)
     step = moving_step(raw.position[raw.known])
     noise = moving_noise(raw.position, step, raw.known)
-    found = LeverResult(series, outside, fit, step, noise, delay, turned, [])
-    return found._replace(notes=[*series.notes, *found.implausible, *_doubts(found)])
+    result = LeverResult(series, outside, fit, step, noise, delay, turned, [])
+    return result._replace(notes=[*series.notes, *result.implausible, *_doubts(result)])
 
 
 def pushes(fit: DeviceFit) -> bool:

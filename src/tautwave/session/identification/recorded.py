@@ -169,10 +169,10 @@ def identify_recording(
         if lagged is not None:
             fits = [*fits, lagged]
             chosen = lagged
-    found = chosen.elastic_share >= MIN_ELASTIC and chosen.working_stiffness.lower > 0.0
+    is_elastic = chosen.elastic_share >= MIN_ELASTIC and chosen.working_stiffness.lower > 0.0
     track_s, track = _track(chosen)
-    result = ContactResult(series, fits, chosen, cutoff, found, [], track_s, track)
-    return result._replace(notes=[*series.notes, *result.implausible, *_doubts(chosen, found)])
+    result = ContactResult(series, fits, chosen, cutoff, is_elastic, [], track_s, track)
+    return result._replace(notes=[*series.notes, *result.implausible, *_doubts(chosen, is_elastic)])
 
 
 def _track(fit: ContactFit) -> tuple[Array, Array]:

@@ -99,8 +99,8 @@ def identify_noise(
             else "clamp the lever with its motor off, or choose a still part with --from and --to"
         )
         raise RecordingError(f"{source}: {series.position_name}: {err}; {remedy}") from err
-    found = NoiseResult(series, fit, [])
-    return found._replace(notes=[*series.notes, *found.implausible, *_doubts(series, fit)])
+    result = NoiseResult(series, fit, [])
+    return result._replace(notes=[*series.notes, *result.implausible, *_doubts(series, fit)])
 
 
 def identify_still(
@@ -130,8 +130,8 @@ def identify_still(
         without_carrying(rig), name, {}, out=out, duration_s=duration_s, progress=progress, **ways
     )
     with run.heard.raised():
-        found = identify_noise(out / "recording.mcap", axis=name)
-    return found._replace(notes=[*run.notes, *found.notes])
+        result = identify_noise(out / "recording.mcap", axis=name)
+    return result._replace(notes=[*run.notes, *result.notes])
 
 
 def _doubts(series: Series, fit: NoiseFit) -> list[str]:

@@ -206,7 +206,7 @@ def implausible_weights(weights: Sequence[Weight], rotary: bool) -> list[str]:
     """Return a sentence for each mass, centre or load that no link or axis has."""
     from tautwave.analysis.identification.plausible import implausible
 
-    found = []
+    sentences = []
     for weight in weights:
         value = weight.estimate.value
         if weight.name == "mass":
@@ -219,8 +219,8 @@ def implausible_weights(weights: Sequence[Weight], rotary: bool) -> list[str]:
             doubts = implausible({"centre": value}, rotary) if known else []
         else:
             doubts = implausible({"bias": value}, rotary)
-        found += [f"{weight.joint}: {doubt}" for doubt in doubts]
-    return found
+        sentences += [f"{weight.joint}: {doubt}" for doubt in doubts]
+    return sentences
 
 
 def _side_to_weigh(rig: Rig, axis: str | None) -> str:
@@ -329,7 +329,7 @@ def _moved_by(change: Estimate, value: float, scale: float = 1.0) -> Estimate:
 
 def _bodies_of(links: Sequence[Link]) -> list[int]:
     """Return for each moving joint the link that holds its body: itself, or the next, fixed one."""
-    found = []
+    carriers = []
     for number, link in enumerate(links):
         if link.kind == "fixed":
             continue
@@ -337,8 +337,8 @@ def _bodies_of(links: Sequence[Link]) -> list[int]:
         following = links[number + 1 : number + 2]
         if link.body.mass == 0.0 and following and following[0].kind == "fixed":
             last = number + 1
-        found.append(last)
-    return found
+        carriers.append(last)
+    return carriers
 
 
 def _alone(
@@ -351,12 +351,12 @@ def _alone(
 
 
 def _weights(chain: ChainParams, positions: Any) -> Any:
-    found = np.empty_like(positions)
+    efforts = np.empty_like(positions)
     weight = [0.0] * positions.shape[1]
     for number, q in enumerate(positions.tolist()):
         chain_gravity(chain, chain_frames(chain, q), weight)
-        found[number] = weight
-    return found
+        efforts[number] = weight
+    return efforts
 
 
 def _needed(chain: ChainParams, q: Any, v: Any, a: Any) -> list[float]:
@@ -380,9 +380,9 @@ def _arm_weights(
     for number, index in enumerate(at):
         body, old = links[index].body, start[index].body
         changes = fit.found[4 * number : 4 * number + 4]
-        found = _moved_by(changes[0], body.mass)
-        mass = max(found.value, 1e-6)
-        weights.append(Weight(moving[number], "mass", old.mass, found))
+        shifted = _moved_by(changes[0], body.mass)
+        mass = max(shifted.value, 1e-6)
+        weights.append(Weight(moving[number], "mass", old.mass, shifted))
         for axis, change in enumerate(changes[1:]):
             place = _moved_by(change, body.mass * body.centre[axis], 1.0 / mass)
             name = f"centre {'xyz'[axis]}"

@@ -116,8 +116,10 @@ class Joint(NamedTuple):
         given = self.limits.damping
         if given >= 0.5 * guess:
             return given, "from the file, half of it taken as certain"
-        said = f"the file's {given:g} would carry no weight" if given > 0.0 else "the file has none"
-        return guess, f"{said}, a guess: TODO `tautwave identify`"
+        reason = (
+            f"the file's {given:g} would carry no weight" if given > 0.0 else "the file has none"
+        )
+        return guess, f"{reason}, a guess: TODO `tautwave identify`"
 
     def axis(self) -> dict[str, Setting]:
         """Return the keys of a simulated axis; `TODO` at what the file does not have."""
@@ -172,18 +174,18 @@ def read_arm(file: Path, tip: str | None, base: str | None) -> Arm:
         It cannot be read, or is not a serial chain; the message names a tip that would do.
     """
     try:
-        found = read_urdf(file, tip, base)
+        urdf = read_urdf(file, tip, base)
     except ConfigError as err:
         raise ConfigError(re.sub(r"`tip:\s*([^`]*)`", r"`--tip \1`", str(err))) from err
-    chain = build_chain(found.links, GRAVITY)
-    moving = [link for link in found.links if link.kind != "fixed"]
+    chain = build_chain(urdf.links, GRAVITY)
+    moving = [link for link in urdf.links if link.kind != "fixed"]
     kinds = [KINDS[link.kind] for link in moving]
     ranges = [
         (
             limit.lower if math.isfinite(limit.lower) else -TURN[kind],
             limit.upper if math.isfinite(limit.upper) else TURN[kind],
         )
-        for limit, kind in zip(found.limits, kinds, strict=True)
+        for limit, kind in zip(urdf.limits, kinds, strict=True)
     ]
     count = len(ranges)
     load, inertia = [0.0] * count, [0.0] * count
@@ -203,10 +205,10 @@ def read_arm(file: Path, tip: str | None, base: str | None) -> Arm:
             limit, kinds[i], *ranges[i], load[i], max(load[i:]), inertia[i] / number,
             math.hypot(*out[6 * i : 6 * i + 3]),
         )
-        for i, limit in enumerate(found.limits)
+        for i, limit in enumerate(urdf.limits)
     )  # fmt: skip
-    heavy = any(link.body.mass > 0.0 for link in found.links)
-    return Arm(file, tip, base, joints, found.notes, heavy)
+    heavy = any(link.body.mass > 0.0 for link in urdf.links)
+    return Arm(file, tip, base, joints, urdf.notes, heavy)
 
 
 def arm_bus(name: str, arm: Arm) -> FoundBus:

@@ -35,7 +35,7 @@ def select(text: str, buses: Sequence[FoundBus], what: str) -> list[Chosen]:
         A bus or an id is not there, or is named twice.
     """
     known = {bus.name: bus for bus in buses}
-    found: list[Chosen] = []
+    chosen: list[Chosen] = []
     for part in text.split():
         name, colon, ids = part.partition(":")
         if not colon and name not in known:
@@ -44,13 +44,13 @@ def select(text: str, buses: Sequence[FoundBus], what: str) -> list[Chosen]:
             name, ids = next(iter(known)), part
         if name not in known:
             raise ConfigError(f"{what}: no bus {name!r}; found: {', '.join(known)}")
-        found += [Chosen(known[name], one) for one in _devices(known[name], ids, what)]
-    twice = [one for one in found if found.count(one) > 1]
+        chosen += [Chosen(known[name], one) for one in _devices(known[name], ids, what)]
+    twice = [one for one in chosen if chosen.count(one) > 1]
     if twice:
         raise ConfigError(f"{what}: {twice[0].bus.name}:{twice[0].device.id} is named twice")
-    if not found:
+    if not chosen:
         raise ConfigError(f"{what}: lists no devices")
-    return found
+    return chosen
 
 
 def halves(buses: Sequence[FoundBus]) -> tuple[str, str]:
@@ -77,14 +77,14 @@ def _devices(bus: FoundBus, ids: str, what: str) -> list[FoundDevice]:
     if not ids:
         return list(bus.devices)
     by_id = {device.id: device for device in bus.devices}
-    found = []
+    devices = []
     for number in numbers(ids, what):
         if number not in by_id:
             raise ConfigError(
                 f"{what}: bus {bus.name} has no device {number}; it has {_text(list(by_id))}"
             )
-        found.append(by_id[number])
-    return found
+        devices.append(by_id[number])
+    return devices
 
 
 def numbers(text: str, what: str) -> list[int]:
@@ -95,7 +95,7 @@ def numbers(text: str, what: str) -> list[int]:
     ConfigError
         It is written otherwise.
     """
-    found: list[int] = []
+    listed: list[int] = []
     for part in text.split(","):
         first, dash, last = part.partition("-")
         ends = (first, last) if dash else (first, first)
@@ -104,5 +104,5 @@ def numbers(text: str, what: str) -> list[int]:
         begin, end = int(ends[0]), int(ends[1])
         if not begin <= end <= 255:
             raise ConfigError(f"{what} {text!r}: ids are 0 to 255, the lower one first")
-        found += range(begin, end + 1)
-    return found
+        listed += range(begin, end + 1)
+    return listed

@@ -144,8 +144,8 @@ def _side(
         if arm is not None and arm.joints[at].limits.name != joint:
             entry["joint"] = arm.joints[at].limits.name
         entry |= {key: value.value for key, value in rest.items()}
-        said = f"   # {one.device.name}" if one.device.options else ""
-        yield f"    {joint}: {flow_yaml(entry)}{said}"
+        remark = f"   # {one.device.name}" if one.device.options else ""
+        yield f"    {joint}: {flow_yaml(entry)}{remark}"
 
 
 def _line(depth: int, key: str, value: Setting) -> str:

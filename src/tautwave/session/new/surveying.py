@@ -22,7 +22,7 @@ class Place(NamedTuple):
 
 def places() -> list[Place]:
     """Return every bus that this machine could reach and a driver knows how to find."""
-    found = []
+    reachable = []
     for driver in registry.driver_names():
         try:
             plugin = registry.load_driver(driver)
@@ -32,8 +32,10 @@ def places() -> list[Place]:
         except ConfigError:
             continue  # its extra is not installed: nothing to be scanned with it
         options = plugin.scan_options
-        found += [Place(driver, options.model_validate(given)) for given in plugin.survey.places()]
-    return found
+        reachable += [
+            Place(driver, options.model_validate(given)) for given in plugin.survey.places()
+        ]
+    return reachable
 
 
 def survey(places: Sequence[Place], progress: ScanProgress) -> tuple[list[FoundBus], list[str]]:
@@ -56,10 +58,10 @@ def survey(places: Sequence[Place], progress: ScanProgress) -> tuple[list[FoundB
         except TautwaveError as err:
             without.append(str(err))
             continue
-        found = known.propose(place.options, rows)
-        if not found:
+        proposed = known.propose(place.options, rows)
+        if not proposed:
             without.append(f"{place.driver}: no device that a rig can drive on {_where(place)}")
-        buses += [bus._replace(name=place.name or bus.name) for bus in found]
+        buses += [bus._replace(name=place.name or bus.name) for bus in proposed]
     return _named(buses), without
 
 
@@ -99,8 +101,8 @@ def _where(place: Place) -> str:
 def _named(buses: Sequence[FoundBus]) -> list[FoundBus]:
     """Give buses of the same name a number."""
     names = [bus.name for bus in buses]
-    found = []
+    named = []
     for at, bus in enumerate(buses):
         number = names[: at + 1].count(bus.name)
-        found.append(bus._replace(name=f"{bus.name}{number}" if number > 1 else bus.name))
-    return found
+        named.append(bus._replace(name=f"{bus.name}{number}" if number > 1 else bus.name))
+    return named

@@ -44,9 +44,9 @@ class Accord(NamedTuple):
     def changed(self, side: int, after: Standing, *, keep: bool = False) -> Accord:
         """Return what a change at a side (0 master, 1 slave) makes of it."""
         one, two = self.said
-        said = (one + 1, two) if side == 0 else (one, two + 1)
+        counts = (one + 1, two) if side == 0 else (one, two + 1)
         state = ALIGNING if after.state == ENGAGED else after.state
-        return Accord(state, after.faulted, keep, said)
+        return Accord(state, after.faulted, keep, counts)
 
     def without(self, side: int) -> Accord:
         """Return what is known once a side's program was started anew and counts from 0."""
@@ -64,9 +64,9 @@ def settled(one: Accord, other: Accord) -> Accord:
     first, second = knows(one, other), knows(other, one)
     if first != second:
         return one if first else other
-    said = max(one.said[0], other.said[0]), max(one.said[1], other.said[1])
+    counts = max(one.said[0], other.said[0]), max(one.said[1], other.said[1])
     calm = min(one, other, key=_unrest)
-    return calm._replace(said=said, faulted=one.faulted or other.faulted)
+    return calm._replace(said=counts, faulted=one.faulted or other.faulted)
 
 
 def _unrest(one: Accord) -> tuple[int, bool]:

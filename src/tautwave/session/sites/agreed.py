@@ -46,7 +46,7 @@ def positions(said: Any, names: Sequence[str]) -> Mapping[str, float] | None:
 def with_sessions(pairs: Mapping[str, Pair], site: Site) -> dict[str, Pair]:
     """Return pairs whose ports claim once for each session: each begins with its own reserve."""
     count = sum(session.engaged_s is not None for session in site.sessions)
-    found = {}
+    claiming = {}
     for name, pair in pairs.items():
         granted = site.granted_j[name] or 0.0  # what brought it into place, and held it
 
@@ -61,8 +61,8 @@ def with_sessions(pairs: Mapping[str, Pair], site: Site) -> dict[str, Pair]:
             for side, one in pair.claims.items()
         }
         update = {"claim_j": claims} | ({"claims": stated} if stated else {})
-        found[name] = pair.model_copy(update=update)
-    return found
+        claiming[name] = pair.model_copy(update=update)
+    return claiming
 
 
 def lost_words(peer: str, since_s: float, why: str) -> str:

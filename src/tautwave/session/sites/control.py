@@ -176,8 +176,8 @@ class SiteControl(CoupledControl):
 
     def _say(self) -> tuple[int, tuple[Line, ...]]:
         """Return the last slot and its lines."""
-        found = [self._site.said(far, self.table) for _, _, far in self._ends]
-        return found[0][0], tuple(line for _, line in found)
+        spoken = [self._site.said(far, self.table) for _, _, far in self._ends]
+        return spoken[0][0], tuple(line for _, line in spoken)
 
     # -- sessions ---------------------------------------------------------------------------
 

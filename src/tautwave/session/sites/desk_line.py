@@ -85,7 +85,7 @@ class DeskLine(Leaving):
             The other site does not come, or refuses a session.
         """
         deadline = time.monotonic() + wait_s
-        said = ""
+        note = ""
         try:
             while (left := deadline - time.monotonic()) > 0.0:
                 self._line.settimeout(left)
@@ -95,11 +95,11 @@ class DeskLine(Leaving):
                         return session_of(message["joined"])
                     if "refused" in message:
                         raise LinkError(str(message["refused"]))
-                    said = str(message.get("note", said))
-                    tell(said)
+                    note = str(message.get("note", note))
+                    tell(note)
         finally:
             self._line.setblocking(False)
-        last = f"; {said}" if said else ""
+        last = f"; {note}" if note else ""
         raise LinkError(f"{peer} did not connect within {wait_s:g} s{last}")
 
     def _next(self) -> Mapping[str, Any]:
@@ -108,8 +108,8 @@ class DeskLine(Leaving):
         except ConnectionError:
             message = b""
         self._over = not message
-        found: Mapping[str, Any] = json.loads(message) if message else {"refused": DIED}
-        return found
+        decoded: Mapping[str, Any] = json.loads(message) if message else {"refused": DIED}
+        return decoded
 
     def close(self) -> None:
         """Take leave, and end the desk."""

@@ -94,25 +94,25 @@ class Endpoint:
             return False
         came = False
         for payload, now in self._port.receive(MAX_AT_ONCE):
-            found = read_packet(payload, self._side)
-            if not isinstance(found, Packet) or len(found.lines) != self._pairs:
+            packet = read_packet(payload, self._side)
+            if not isinstance(packet, Packet) or len(packet.lines) != self._pairs:
                 self.unread += payload != HELLO
                 continue
             if take is not None:
                 came = True
                 self.got += 1
                 self.heard_ns = now
-                take(found.slot, found.lines)
-            if found.slot > self._newest:
-                self._newest = found.slot
-                self._echo_ns, self._came_ns = found.clock_ns, now
-                if found.echo_ns:
-                    timed = exchange(now, found.clock_ns, found.echo_ns, found.held_ns)
+                take(packet.slot, packet.lines)
+            if packet.slot > self._newest:
+                self._newest = packet.slot
+                self._echo_ns, self._came_ns = packet.clock_ns, now
+                if packet.echo_ns:
+                    timed = exchange(now, packet.clock_ns, packet.echo_ns, packet.held_ns)
                     if not self._best:
                         self._line = (timed.offset, 0.0)
                     self._best = keep_best(self._best, timed)
                 if self._best:
-                    self.delay = (now - found.clock_ns) * 1e-9 + self.offset
+                    self.delay = (now - packet.clock_ns) * 1e-9 + self.offset
         return came
 
     def greet(self) -> None:

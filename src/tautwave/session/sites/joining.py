@@ -143,10 +143,10 @@ def joined(rig: Rig, tell: Callable[[str], None]) -> Iterator[Joined]:
 def resolved(host: str, port: int) -> tuple[str, int]:
     """Return a host's address, so that the loop never asks for it; raises `LinkError`."""
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0][4]
+        address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0][4]
     except OSError as err:
         raise LinkError(f"{host}: {err.strerror or err}") from err
-    return str(found[0]), int(found[1])
+    return str(address[0]), int(address[1])
 
 
 def with_site(rig: Rig, assembly: Assembly, link: Joined, people: People | None = None) -> Assembly:

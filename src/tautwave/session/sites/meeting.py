@@ -105,10 +105,10 @@ class Meeting:
         elif "hindered" in said:
             self.hindrance = str(said["hindered"])[:200]
         elif "began" in said:
-            found = read_said(said["began"], self._names)
-            if found is not None:
-                self._began = found.at
-                self.offsets = {**found.offsets, **self.offsets}
+            began = read_said(said["began"], self._names)
+            if began is not None:
+                self._began = began.at
+                self.offsets = {**began.offsets, **self.offsets}
 
     def known(self) -> list[int]:
         """Return the pairs whose slaves have a place to be in."""
@@ -164,12 +164,12 @@ class Meeting:
         """Return which slaves are too far from their places to begin, nothing if none is."""
         if self._side == 0:
             return ""
-        found = [
+        moved = [
             self._names[k]
             for k in self.known()
             if math.fabs(self._gap(k, far)) > self._approach.tolerances[k]
         ]
-        return f"{', '.join(found)} moved before the session began" if found else ""
+        return f"{', '.join(moved)} moved before the session began" if moved else ""
 
     def begun(self) -> Mapping[str, float]:
         """Say that this site has begun; return where [rad or m]."""
@@ -191,10 +191,10 @@ class Meeting:
         return {name: samples[i].position for name, i in zip(self._names, self._own, strict=True)}
 
     def _lead(self, slot: int, at: Mapping[str, float]) -> Mapping[str, float] | None:
-        said, peer = self._said, self._peer
-        if said is None or (slot - self._said_at >= SAY_SLOTS and self._moved(said.at, at)):
+        heard, peer = self._said, self._peer
+        if heard is None or (slot - self._said_at >= SAY_SLOTS and self._moved(heard.at, at)):
             self._tell(slot, Said(at, None, self.offsets))
-        elif peer is not None and peer.to == said.at:
+        elif peer is not None and peer.to == heard.at:
             return peer.at
         return None
 
@@ -207,10 +207,10 @@ class Meeting:
         )
 
     def _follow(self, slot: int, at: Mapping[str, float]) -> Mapping[str, float] | None:
-        said = self._said
-        if said is None:
+        heard = self._said
+        if heard is None:
             self._tell(slot, Said(at, None, self.offsets))
-        elif self._goal is not None and said.to != self._goal:
+        elif self._goal is not None and heard.to != self._goal:
             self._tell(slot, Said(at, self._goal, self.offsets))
         return self._began
 

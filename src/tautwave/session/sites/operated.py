@@ -133,8 +133,8 @@ class OperatedSite(SiteControl):
             self._note(word[:40], order.source, why, refused=True)
         elif word == EPISODE:
             self._mark(order.argument, order.source)
-            said = {"episode": order.argument, "runs": self.journal.running > 0}
-            self._line.send(send={**said, "source": order.source})
+            message = {"episode": order.argument, "runs": self.journal.running > 0}
+            self._line.send(send={**message, "source": order.source})
         elif word == st.REST and self._suspect and now.state == st.HOLDING:
             self.wants_reset = True
             self._note(word, order.source, "the devices are reset")
@@ -190,10 +190,10 @@ class OperatedSite(SiteControl):
 
     def _tell(self, accord: Accord | None = None) -> None:
         """Tell the other site what this one is to do, and whether it should answer."""
-        found = self._accord if accord is None else accord
+        state = self._accord if accord is None else accord
         self._say_at = self._slot + self._repeat
-        said = {"accord": found, "program": self._program, "asks": self._heard != found}
-        self._line.send(send={**said, **self._why})
+        message = {"accord": state, "program": self._program, "asks": self._heard != state}
+        self._line.send(send={**message, **self._why})
 
     def _hear(self, said: Mapping[str, Any]) -> None:
         """Take what the other site is to do, and settle what both are."""

@@ -59,12 +59,12 @@ class SiteRows:
 
 def kept_columns(columns: Sequence[str], side: str) -> list[int]:
     """Return the places of the columns that are this side's, and of the pairs' networks."""
-    found = []
+    places = []
     for at, name in enumerate(columns):
         parts = name.split(".")
         own_axis = parts[0] == side
         element = parts[1] if len(parts) == 3 else ""
         other = parts[0] in SIDES
         if own_axis or (not other and (element.endswith(f"_{side}") or element in BETWEEN)):
-            found.append(at)
-    return found
+            places.append(at)
+    return places

@@ -59,10 +59,10 @@ def read_protocol(path: Path) -> Protocol:
     ConfigError
         It is wrong; every mistake with its line.
     """
-    document, found = read_model(read_text(path, "protocol"), str(path), "protocol", Protocol)
-    if document.problems or found is None:
+    document, validated = read_model(read_text(path, "protocol"), str(path), "protocol", Protocol)
+    if document.problems or validated is None:
         raise ConfigError(document.sentences())
-    protocol: Protocol = found
+    protocol: Protocol = validated
     return protocol
 
 

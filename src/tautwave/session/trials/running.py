@@ -137,13 +137,13 @@ def run_study(
 def _keep_protocol(study: Study) -> None:
     """Keep the protocol beside the table, and refuse to go on by another one."""
     path = study.out / PROTOCOL
-    said = study.protocol.model_dump(mode="json")
+    keys = study.protocol.model_dump(mode="json")
     if not path.exists():
-        write_text(path, json.dumps(said, indent=2) + "\n")
+        write_text(path, json.dumps(keys, indent=2) + "\n")
         return
     try:
         before = parse_json(read_file(path, LARGEST).decode())
-        changed = [key for key, value in said.items() if before[key] != value]
+        changed = [key for key, value in keys.items() if before[key] != value]
     except (OSError, ValueError, KeyError, TypeError) as err:
         raise ConfigError(f"{path}: is not a study protocol; give another --out") from err
     if changed:
@@ -174,7 +174,7 @@ def _row(study: Study, trial: Trial, result: RunResult, success: bool | None) ->
     summary = result.summary
     episodes = () if summary.operation is None else summary.operation.episodes
     one = episodes[0] if episodes else None
-    said = one.success if success is None and one is not None else success
+    succeeded = one.success if success is None and one is not None else success
     row: dict[str, Any] = {
         "participant": study.participant,
         "trial": trial.number,
@@ -183,12 +183,12 @@ def _row(study: Study, trial: Trial, result: RunResult, success: bool | None) ->
         "task": study.protocol.task,
         "started_utc": summary.started_utc,
         "outcome": summary.outcome.kind,
-        "success": "" if said is None else str(bool(said)).lower(),
+        "success": "" if succeeded is None else str(bool(succeeded)).lower(),
         "seconds": 0.0 if one is None else round(one.end_s - one.begin_s, 6),
     }
-    for pair, found in summary.pairs.items():
+    for pair, figures in summary.pairs.items():
         for measure in MEASURES:
-            size = getattr(found, measure)
+            size = getattr(figures, measure)
             if size is not None:
                 row |= {
                     f"{pair}.{measure}.{what}": value for what, value in size if value is not None

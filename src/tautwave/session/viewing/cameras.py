@@ -30,7 +30,7 @@ def cameras_of(rig: Rig, clock: str, directory: Path) -> Iterator[dict[str, dict
     ConfigError
         A camera cannot be used.
     """
-    found: dict[str, dict[str, Any]] = {}
+    written: dict[str, dict[str, Any]] = {}
     children: dict[str, subprocess.Popen[bytes]] = {}
     where = os.pathsep.join(entry for entry in sys.path if entry)
     environment = {**os.environ, "PYTHONPATH": where, "PYTHONSAFEPATH": "1"}
@@ -43,14 +43,14 @@ def cameras_of(rig: Rig, clock: str, directory: Path) -> Iterator[dict[str, dict
                 env=environment, start_new_session=True,
             )  # fmt: skip
         for name, child in children.items():
-            said = _line(child, READY_S)
-            if "ready" not in said:
+            line = _line(child, READY_S)
+            if "ready" not in line:
                 ended = child.poll() is not None
                 why = "its process ended" if ended else f"not ready after {READY_S:g} s"
-                raise ConfigError(f"cameras.{name}: {said.get('error', why)}")
-        yield found
+                raise ConfigError(f"cameras.{name}: {line.get('error', why)}")
+        yield written
         for name, child in children.items():
-            found[name] = _line(child, END_S) or {"error": "its process ended before the run"}
+            written[name] = _line(child, END_S) or {"error": "its process ended before the run"}
     finally:
         for child in children.values():
             if child.poll() is None:
