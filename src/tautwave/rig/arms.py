@@ -91,7 +91,7 @@ def beyond_file(rig: Rig, side: str) -> list[str]:
     if keys is None or keys.urdf is None:
         return []
     _, limits = chain_links(keys)
-    found = []
+    sentences = []
     for name, limit in zip(arm_axes(rig, side), limits, strict=True):
         axis = rig.axes[name]
         place, effort = ("rad", "N m") if axis.kind == "rotary" else ("m", "N")
@@ -99,7 +99,7 @@ def beyond_file(rig: Rig, side: str) -> list[str]:
         slack = 1e-3 * min(limit.upper - limit.lower, 1.0)
         if low < limit.lower - slack or high > limit.upper + slack:
             ours = f"position_range [{low:g}, {high:g}]" if axis.position_range else "no range"
-            found.append(
+            sentences.append(
                 f"{name} has {ours}, joint {limit.name} {limit.lower:g} to {limit.upper:g} {place}"
             )
         for key, most, unit in (
@@ -108,8 +108,8 @@ def beyond_file(rig: Rig, side: str) -> list[str]:
         ):
             value = getattr(axis, key)
             if value is not None and value > 1.001 * most:
-                found.append(f"{name} has {key} {value:g}, joint {limit.name} {most:g} {unit}")
-    return found
+                sentences.append(f"{name} has {key} {value:g}, joint {limit.name} {most:g} {unit}")
+    return sentences
 
 
 def postures(ranges: Sequence[tuple[float, float]]) -> Iterator[tuple[float, ...]]:
@@ -126,30 +126,30 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
     What the master feels of the slave's loads counts as its own.
     """
     keys = getattr(rig, side).arm
-    found = {}
+    by_axis = {}
     if keys is not None:
         ranges = tuple(joint_ranges(rig, side, keys))
         each = [greatest_weights(one, ranges) for one in each_payload(keys)]
         most = [max(values) for values in zip(*each, strict=True)]
-        found = dict(zip(arm_axes(rig, side), most, strict=True))
+        by_axis = dict(zip(arm_axes(rig, side), most, strict=True))
     else:
         for name in arm_axes(rig, side):
             load = rig.axes[name].load
             if load is not None:
-                found[name] = greatest_load(load_params(load), rig.axes[name].position_range)
+                by_axis[name] = greatest_load(load_params(load), rig.axes[name].position_range)
     if side == "master" and felt_axes(rig):
         theirs = _felt_loads(rig)
         for name, slave in felt_axes(rig).items():
-            found[name] = found.get(name, 0.0) + theirs[slave] / _force_scale(rig, name)
-    return found
+            by_axis[name] = by_axis.get(name, 0.0) + theirs[slave] / _force_scale(rig, name)
+    return by_axis
 
 
 def _felt_loads(rig: Rig) -> dict[str, float]:
     """Return the greatest load that the hand may feel [N m or N], by the slave's axis."""
-    arm, ranges, found = rig.slave.arm, felt_ranges(rig), greatest_loads(rig, "slave")
+    arm, ranges, alone = rig.slave.arm, felt_ranges(rig), greatest_loads(rig, "slave")
     if arm is not None:
         most = greatest_weights(bare_chain(arm, arm.payload), tuple(ranges.values()))
-        return {n: max(found[n], one) for n, one in zip(ranges, most, strict=True)}
+        return {n: max(alone[n], one) for n, one in zip(ranges, most, strict=True)}
     loads = {name: rig.axes[name].load for name in ranges}
     return {n: greatest_load(load_params(load), ranges[n]) for n, load in loads.items() if load}
 
@@ -163,15 +163,15 @@ def felt_ranges(rig: Rig) -> dict[str, tuple[float, float]]:
     arm, pairs = rig.slave.arm, felt_axes(rig)
     given = [rig.axes[name].position_range or (-math.pi, math.pi) for name in pairs.values()]
     ranges = given if arm is None else joint_ranges(rig, "slave", arm)
-    found = {}
+    by_slave = {}
     for (master, slave), (low, high) in zip(pairs.items(), ranges, strict=True):
         if rig.operate is not None:
             turn = math.pi if rig.axes[master].kind == "rotary" else 0.0
             first, last = rig.axes[master].position_range or (-turn, turn)
             more = rig.coupling.pairs[slave.partition(".")[2]].position_scale * (last - first)
             low, high = low - more, high + more
-        found[slave] = (low, high)
-    return found
+        by_slave[slave] = (low, high)
+    return by_slave
 
 
 def felt_axes(rig: Rig) -> dict[str, str]:
@@ -262,7 +262,7 @@ def load_reserves(rig: Rig) -> dict[str, float]:
     ConfigError
         It leaves the coupling too little of an axis' limit.
     """
-    found = {}
+    reserves = {}
     for side in ("master", "slave"):
         carried = carried_axes(rig, side)
         most = greatest_loads(rig, side) if carried else {}
@@ -275,8 +275,8 @@ def load_reserves(rig: Rig) -> dict[str, float]:
                     f"which leaves too little for the coupling; narrow its position_range, or use "
                     f"a stronger motor ({most[name] / MAX_SHARE:.3g} or more)"
                 )
-            found[name] = min(MARGIN * most[name], limit)
-    return found
+            reserves[name] = min(MARGIN * most[name], limit)
+    return reserves
 
 
 @once_per_rig
@@ -284,12 +284,16 @@ def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
     """Return how fast each carried load changes at most [N m/rad]: bounds, in any posture."""
     names = own_carried(rig, side)
     arm = getattr(rig, side).arm
-    found = {}
+    stiffnesses = {}
     if names and arm is None:
         loads = {name: rig.axes[name].load for name in names}
-        found = {name: load_stiffness(load_params(load)) for name, load in loads.items() if load}
+        stiffnesses = {
+            name: load_stiffness(load_params(load)) for name, load in loads.items() if load
+        }
     elif names:
-        found = _arm_stiffnesses(arm, dict(zip(names, joint_ranges(rig, side, arm), strict=True)))
+        stiffnesses = _arm_stiffnesses(
+            arm, dict(zip(names, joint_ranges(rig, side, arm), strict=True))
+        )
     if side == "master" and felt_axes(rig):
         theirs = load_stiffnesses(rig, "slave")
         if rig.slave.arm is not None:
@@ -298,8 +302,8 @@ def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
         widest = max(pairs[name.partition(".")[2]].position_scale for name in felt_axes(rig))
         for name, slave in felt_axes(rig).items():
             slope = theirs[slave] * widest / _force_scale(rig, name)
-            found[name] = found.get(name, 0.0) + slope
-    return found
+            stiffnesses[name] = stiffnesses.get(name, 0.0) + slope
+    return stiffnesses
 
 
 def _arm_stiffnesses(arm: Arm, ranges: Mapping[str, tuple[float, float]]) -> dict[str, float]:

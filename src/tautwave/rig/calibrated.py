@@ -51,12 +51,12 @@ class CalibratedDriver(DriverWrapper):
             A device says something else of itself than when it was calibrated.
         """
         super().open()
-        said = identities(self._driver)
+        reported = identities(self._driver)
         changes = [
-            f"{name}: {key} was {then}, now {said.get(name, {}).get(key, 'not given')}"
+            f"{name}: {key} was {then}, now {reported.get(name, {}).get(key, 'not given')}"
             for name, one in zip(self._names, self._found, strict=True)
             for key, then in one.device.items()
-            if said.get(name, {}).get(key) != then
+            if reported.get(name, {}).get(key) != then
         ]
         if changes:
             self._driver.close()
@@ -104,15 +104,15 @@ class CalibratedDriver(DriverWrapper):
 
 def identities(driver: Driver) -> Mapping[str, Mapping[str, str]]:
     """Return what the devices of an open driver said of themselves, by axis."""
-    said: Mapping[str, Mapping[str, str]] = getattr(driver, "identities", {})
-    return said
+    reported: Mapping[str, Mapping[str, str]] = getattr(driver, "identities", {})
+    return reported
 
 
 def calibrated(rig: Rig, bus: LoopBus) -> LoopBus:
     """Return a bus with its rig's calibration, if it has one for an axis there."""
     if rig.calibration is None or not any(name in rig.calibration.axes for name in bus.axes):
         return bus
-    found = [calibration_of(rig, name) for name in bus.axes]
+    calibrations = [calibration_of(rig, name) for name in bus.axes]
     followers = any(rig.axes[name].follower is not None for name in bus.axes)
-    driver = CalibratedDriver(bus.driver, bus.axes, found, followers=followers)
+    driver = CalibratedDriver(bus.driver, bus.axes, calibrations, followers=followers)
     return bus._replace(driver=driver)

@@ -179,13 +179,13 @@ def _changes(rig: Rig, side: str) -> Iterator[tuple[list[float], float]]:
     if arm is None or not arm.payloads:
         return
     weigh = [_chain_weighing(one) for one in each_payload(arm)]
-    found = [[one(q) for one in weigh] for q in postures(joint_ranges(rig, side, arm))]
+    weights = [[one(q) for one in weigh] for q in postures(joint_ranges(rig, side, arm))]
     for one, other in itertools.combinations(range(len(weigh)), 2):
-        most = [0.0] * len(found[0][one][0])
-        for row in found:
+        most = [0.0] * len(weights[0][one][0])
+        for row in weights:
             both = zip(most, row[one][0], row[other][0], strict=True)
             most = [max(so_far, abs(a - b)) for so_far, a, b in both]
-        gaps = [row[one][1] - row[other][1] for row in found]
+        gaps = [row[one][1] - row[other][1] for row in weights]
         yield most, max(gaps) - min(gaps)
 
 
@@ -203,10 +203,10 @@ def felt_swing(rig: Rig) -> float:
         weigh = _own_weighing(rig, "slave")
         heights = [weigh(q)[1] for q in postures(list(ranges.values()))]
         return MARGIN * (max(heights) - min(heights)) / felt.power
-    found = 0.0
+    energy = 0.0
     for name, (low, high) in ranges.items():
         load = rig.axes[name].load
         places = [low + (high - low) * k / SAMPLES for k in range(SAMPLES + 1)]
         heights = [load_energy(load_params(load), x) for x in places] if load else [0.0]
-        found += max(heights) - min(heights)
-    return MARGIN * found / felt.power
+        energy += max(heights) - min(heights)
+    return MARGIN * energy / felt.power

@@ -56,9 +56,9 @@ def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
         return Judged(f"{refusal}; {less_at_once(rig, axis_name, claim)}")
     if refusal := stall_refusal(rig, axis_name, claim):
         return Judged(refusal)
-    found = []
+    conditions = []
     if prompt > PROMPT_PASSES * most:
-        found.append(
+        conditions.append(
             f"{joules(prompt)} in {rig.claimed_s:g} s, {short(prompt / most)} times the "
             f"{joules(most)} that {axis_name} has at its velocity limit, may be supplied while "
             f"the host is prompt: {prompt_cause(claim, rig.claimed_s)}"
@@ -66,11 +66,11 @@ def judge_claim(rig: Rig, axis_name: str, claim: Claim) -> Judged:
     if stall > STALL_PASSES * most:
         safe = claim.safe_gap()
         when = f"never stalls for more than {_ms(safe)}" if safe > 0.0 else "never misses a sample"
-        found.append(
+        conditions.append(
             f"the host {when} ({axis_name} may supply {joules(stall)} in one of {_ms(claim.gap)}, "
             f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit)"
         )
-    return Judged(conditions=tuple(found))
+    return Judged(conditions=tuple(conditions))
 
 
 def prompt_refusal(once: float, most: float) -> str:
@@ -208,8 +208,8 @@ def terms_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     named = coupling_part(rig).claim_terms
     if not named:
         return ""
-    found: Claim | str = load_named(named)(rig, axis_name, delays)
-    return found
+    terms: Claim | str = load_named(named)(rig, axis_name, delays)
+    return terms
 
 
 def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
@@ -248,19 +248,19 @@ def bound_hints(rig: Rig, delays: Delays) -> Iterator[Hint]:
         limit = axis_allowance(rig, axis_name, delays[axis_name]).effort
         if not isinstance(claim, Claim) or math.isinf(claim.bounded) or claim.effort >= limit:
             continue
-        found = change = ""
+        enough = change = ""
         for value in range(rig.overrun_limit - 1, LEAST - 1, -1):
             loop = rig.loop.model_copy(update={"overrun_limit": value})
             less = terms_of(rig.model_copy(update={"loop": loop}), axis_name, delays)
             if isinstance(less, Claim) and less.effort >= limit:
-                found = f"; with loop.overrun_limit {value} all of it"
+                enough = f"; with loop.overrun_limit {value} all of it"
                 change = f"loop.overrun_limit={value}"
                 break
         unit = "N m" if rig.axes[axis_name].kind == "rotary" else "N"
         yield Hint(
             f"hint on {axis_name}",
             f"stall_energy_j leaves {claim.effort:.3g} {unit} of its effort at rest, "
-            f"{claim.effort / limit:.0%} of effort_limit, and less while it moves{found}",
+            f"{claim.effort / limit:.0%} of effort_limit, and less while it moves{enough}",
             change,
         )
 

@@ -35,10 +35,10 @@ def stall_of(rig: Rig, axis_name: str, delay: CommandDelay) -> StallParams | Non
     Without `stall_energy_j` the device may gain what it has at its velocity limit, if that leaves
     the whole effort at rest. A law without an account relies on the efforts that it asks for.
     """
-    found = _bound_of(rig, axis_name, delay) if coupling_part(rig).claim else None
-    if found is None or rig.axes[axis_name].stall_energy_j is not None:
-        return found
-    return found if _leaves_all(rig, axis_name, delay, found) else None
+    bound = _bound_of(rig, axis_name, delay) if coupling_part(rig).claim else None
+    if bound is None or rig.axes[axis_name].stall_energy_j is not None:
+        return bound
+    return bound if _leaves_all(rig, axis_name, delay, bound) else None
 
 
 def _bound_of(rig: Rig, axis_name: str, delay: CommandDelay) -> StallParams | None:

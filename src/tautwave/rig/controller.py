@@ -39,8 +39,8 @@ NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 def coupling_law(rig: Rig) -> Law:
     """Return the steps of a rig's law, its state and its columns."""
     part = coupling_part(rig)
-    found: Law = registry.load_named(part.law if rig.link is None else part.over_link)
-    return found
+    law: Law = registry.load_named(part.law if rig.link is None else part.over_link)
+    return law
 
 
 def coupled_axis(rig: Rig, axis_name: str, delay: CommandDelay) -> CoupledAxis:
@@ -94,14 +94,14 @@ def check_ends(rig: Rig, delays: Mapping[str, CommandDelay]) -> None:
     ConfigError
         With a sentence for every such axis.
     """
-    found = []
+    sentences = []
     for name in delays:
         try:
             end_constants(rig, name, delays[name])
         except ConfigError as err:
-            found.append(str(err))
-    if found:
-        raise ConfigError("\n".join(dict.fromkeys(found)))
+            sentences.append(str(err))
+    if sentences:
+        raise ConfigError("\n".join(dict.fromkeys(sentences)))
 
 
 def between(rig: Rig, name: str, at: int) -> tuple[Any, list[float]]:
@@ -112,10 +112,10 @@ def between(rig: Rig, name: str, at: int) -> tuple[Any, list[float]]:
         link = registry.load_named(named)(rig.coupling, rig.period_s) if named else NoParams()
         return link, [0.0] * (coupling_law(rig).rings * rig.delay_samples)
     pair, trace = rig.coupling.pairs[name], trace_of(rig.link)
-    found = registry.load_named(part.linked)(
+    constants = registry.load_named(part.linked)(
         rig.link, pair, rig.period_s, lower_velocity(rig, name), rig.seed % SEED_WORD, at, trace
     )
-    params, floats = found
+    params, floats = constants
     return params, floats
 
 

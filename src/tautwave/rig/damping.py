@@ -16,7 +16,7 @@ def damped(rig: Rig, buses: Sequence[LoopBus], control: Control) -> list[LoopBus
     if rig.scene is not None:
         return list(buses)  # it has no local walls
     order = [name for bus in buses for name in bus.axes]
-    found = []
+    with_dampers = []
     for bus in buses:
         axes: list[DampedAxis | None] = []
         for name in bus.axes:
@@ -28,5 +28,5 @@ def damped(rig: Rig, buses: Sequence[LoopBus], control: Control) -> list[LoopBus
             axes.append(DampedAxis(order.index(name), damper.damping, reach))
         if any(axis is not None for axis in axes):
             bus = bus._replace(driver=DampingDriver(bus.driver, axes, control))
-        found.append(bus)
-    return found
+        with_dampers.append(bus)
+    return with_dampers

@@ -91,8 +91,8 @@ def _simulation(rig: Rig, hands: Mapping[str, object]) -> Simulation:
 
 
 def _slaves_only(rig: Rig) -> object:
-    found = rig.calibration
-    if found is None:
+    calibration = rig.calibration
+    if calibration is None:
         return None
-    axes = {name: one for name, one in found.axes.items() if name.startswith("slave.")}
-    return found.model_copy(update={"axes": axes}) if axes else None
+    axes = {name: one for name, one in calibration.axes.items() if name.startswith("slave.")}
+    return calibration.model_copy(update={"axes": axes}) if axes else None

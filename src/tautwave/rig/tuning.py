@@ -50,12 +50,12 @@ def tunables(rig: Rig) -> Iterator[tuple[str, str, Any]]:
 def knobs_of(rig: Rig, control: Control) -> list[Knob]:
     """Return the knobs of a rig's controller; a key that cannot be turned here has none."""
     places = {name.name: at for at, name in enumerate(control.names)}
-    found = []
+    knobs = []
     for path, when, value in tunables(rig):
         knob = _knob(rig, control, places, path, when, value)
         if knob is not None:
-            found.append(knob)
-    return found
+            knobs.append(knob)
+    return knobs
 
 
 def _knob(

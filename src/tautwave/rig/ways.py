@@ -140,15 +140,15 @@ def bus_ways(
     problems = []
     for name in rig.own_buses:
         asked = simulate if isinstance(simulate, bool) else name in simulate
-        found = _way_of(rig, name, fake, asked, attach)
-        if found is None:
+        chosen = _way_of(rig, name, fake, asked, attach)
+        if chosen is None:
             problems.append(_nothing_answers(rig, name, fake))
         else:
-            ways[name] = found
+            ways[name] = chosen
     if problems:
         raise ConfigError(problems)
-    if attach and not any(found.way is Way.ELSEWHERE for found in ways.values()):
-        found_ways = "; ".join(f"bus {name}: {found.describe()}" for name, found in ways.items())
+    if attach and not any(chosen.way is Way.ELSEWHERE for chosen in ways.values()):
+        found_ways = "; ".join(f"bus {name}: {chosen.describe()}" for name, chosen in ways.items())
         raise ConfigError(
             f"{rig.name}: --attach: no bus has devices that are served elsewhere ({found_ways})"
             + ("; give --simulate too" if _names_hardware(ways) else "")
@@ -209,15 +209,15 @@ def endpoint_of(plugin: DriverPlugin, options: Mapping[str, Any]) -> Endpoint:
 
 
 def _names_hardware(ways: Mapping[str, BusWay]) -> bool:
-    return any(found.way is Way.HARDWARE for found in ways.values())
+    return any(bus_way.way is Way.HARDWARE for bus_way in ways.values())
 
 
 def _nothing_answers(rig: Rig, name: str, fake: bool) -> str:
     bus = rig.buses[name]
-    found = endpoint_of(load_driver(bus.driver), bus.options)
-    if fake and found.kind == "real":
+    endpoint = endpoint_of(load_driver(bus.driver), bus.options)
+    if fake and endpoint.kind == "real":
         return (
-            f"bus {name}: the fake clock cannot pace {found.name or 'hardware'}; add a "
+            f"bus {name}: the fake clock cannot pace {endpoint.name or 'hardware'}; add a "
             "simulation block to the rig, or run on the real clock"
         )
     driver = bus.driver
@@ -251,7 +251,7 @@ def as_taken(rig: Rig, ways: Mapping[str, BusWay]) -> Rig:
 
 def real_buses(ways: Mapping[str, BusWay]) -> list[str]:
     """Return the buses that are hardware."""
-    return [name for name, found in ways.items() if found.way is Way.HARDWARE]
+    return [name for name, bus_way in ways.items() if bus_way.way is Way.HARDWARE]
 
 
 def without_truth(rig: Rig, buses: Collection[str]) -> Rig:
@@ -305,12 +305,12 @@ def watchdogs(rig: Rig) -> dict[str, float]:
 
     inf: never. Without those whose devices are in the process of the host, and end with it.
     """
-    found = {}
+    silences = {}
     for bus_name, spec, driver in _unopened(rig):
         if load_driver(rig.buses[bus_name].driver).hardware:
             known = driver.watchdog_s
-            found.update({axis.name: known.get(axis.name, math.inf) for axis in spec.axes})
-    return found
+            silences.update({axis.name: known.get(axis.name, math.inf) for axis in spec.axes})
+    return silences
 
 
 def _unopened(rig: Rig) -> Iterator[tuple[str, BusSpec, Driver]]:

@@ -34,21 +34,22 @@ def axis_allowance(rig: Rig, axis_name: str, delay: CommandDelay) -> AxisAllowan
     ConfigError
         A load leaves too little effort, or too little of the rate to move by one step.
     """
-    found = share_out(_device(rig, axis_name, delay), _spending(rig, axis_name, delay))
-    if found.starved and rig.axes[axis_name].causality == "impedance":
+    allowance = share_out(_device(rig, axis_name, delay), _spending(rig, axis_name, delay))
+    if allowance.starved and rig.axes[axis_name].causality == "impedance":
         unit = "N m" if rig.axes[axis_name].kind == "rotary" else "N"
         share = min(LOAD_SHARE, 1.0 - LOAD_SHARE)
-        step = min(found.load_step, found.shared_step)
-        enough = at_least(found.quantum / (share * found.period))
-        if share * enough * found.period < found.quantum:  # rounded, its step is a hair too small
+        step = min(allowance.load_step, allowance.shared_step)
+        enough = at_least(allowance.quantum / (share * allowance.period))
+        if share * enough * allowance.period < allowance.quantum:
+            # Rounded, its step is a hair too small.
             enough = at_least(1.0001 * enough)
         raise ConfigError(
             f"{axis_name.replace('.', '.axes.')}.effort_rate_limit: load and coupling get "
-            f"{step:.4g} {unit} a period each, less than one effort_quantum ({found.quantum:g}), "
-            f"so both would stay 0; give {enough:g} or more "
-            f"(got {found.effort_rate:g})"
+            f"{step:.4g} {unit} a period each, less than one effort_quantum "
+            f"({allowance.quantum:g}), so both would stay 0; give {enough:g} or more "
+            f"(got {allowance.effort_rate:g})"
         )
-    return found
+    return allowance
 
 
 def at_least(value: float) -> float:
@@ -114,8 +115,8 @@ def _with_damper(rig: Rig, axis_name: str, asks: Spending, damper: Damper) -> Sp
 
     alone = rig.axes[axis_name].damping.lower - asks.compensated_damping
     needed = damper_needs(damper)
-    found = least_damping(damper, alone, rig.axis_period_s(axis_name))
-    lent = max(found - max(alone - needed, 0.0), 0.0)
+    least = least_damping(damper, alone, rig.axis_period_s(axis_name))
+    lent = max(least - max(alone - needed, 0.0), 0.0)
     return asks._replace(damper_damping=needed, lent_damping=lent)
 
 

@@ -26,17 +26,17 @@ def once_per_rig(
     kept: OrderedDict[int, tuple[Rig, dict[Any, T]]] = OrderedDict()
 
     def answer(rig: Rig, /, *args: P.args, **kwargs: P.kwargs) -> T:
-        found = kept.get(id(rig))
-        if found is None:
-            found = kept[id(rig)] = (rig, {})  # holding the rig keeps its id from another one
+        entry = kept.get(id(rig))
+        if entry is None:
+            entry = kept[id(rig)] = (rig, {})  # holding the rig keeps its id from another one
             if len(kept) > KEPT:
                 kept.popitem(last=False)
         else:
             kept.move_to_end(id(rig))
         key = (args, tuple(sorted(kwargs.items())))
-        if key not in found[1]:
-            found[1][key] = function(rig, *args, **kwargs)
-        return found[1][key]
+        if key not in entry[1]:
+            entry[1][key] = function(rig, *args, **kwargs)
+        return entry[1][key]
 
     functools.update_wrapper(answer, function)
     return answer
