@@ -34,11 +34,11 @@ def certify_text(text: str, hardware: Sequence[str] = ()) -> dict[str, Any]:
 def main() -> int:
     """Read a rig from stdin, and print its certificate."""
     try:
-        found = certify_text(sys.stdin.read(), sys.argv[1:])
+        certificate = certify_text(sys.stdin.read(), sys.argv[1:])
     except TautwaveError as err:
         sys.stderr.write(f"{err}\n")
         return err.exit_code
-    json.dump(found, sys.stdout, allow_nan=False)
+    json.dump(certificate, sys.stdout, allow_nan=False)
     return 0
 
 

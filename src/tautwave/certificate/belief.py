@@ -35,15 +35,17 @@ def stated_environment(rig: Rig, pair: str) -> Contact | None:
 
     Foam counts with its tangent stiffness at the slave's effort limit, without its loss.
     """
-    found = None if rig.simulation is None else rig.simulation.environment.get(pair)
-    if isinstance(found, Spring):
-        return Contact(found.stiffness, 0.0, "the simulation's spring")
-    if isinstance(found, SolidWall):
-        return Contact(found.stiffness, found.damping, "the simulation's wall")
-    if isinstance(found, Foam):
+    environment = None if rig.simulation is None else rig.simulation.environment.get(pair)
+    if isinstance(environment, Spring):
+        return Contact(environment.stiffness, 0.0, "the simulation's spring")
+    if isinstance(environment, SolidWall):
+        return Contact(environment.stiffness, environment.damping, "the simulation's wall")
+    if isinstance(environment, Foam):
         limit = rig.slave.axes[pair].effort_limit
-        depth = (limit / found.stiffness) ** (1.0 / found.exponent)
-        tangent = found.exponent * found.stiffness * depth ** (found.exponent - 1.0)
+        depth = (limit / environment.stiffness) ** (1.0 / environment.exponent)
+        tangent = (
+            environment.exponent * environment.stiffness * depth ** (environment.exponent - 1.0)
+        )
         return Contact(tangent, 0.0, "the simulation's foam, pressed as hard as may be")
     return None
 
@@ -71,21 +73,21 @@ def assumed(
     axis: Axis, name: str, *, inertia: bool = False, damping: bool = False, coulomb: bool = False
 ) -> list[str]:
     """Return a condition for each assumed parameter of an axis."""
-    found = []
+    conditions = []
     if inertia and axis.inertia is not None and _is_assumed(axis.inertia.source):
-        found.append(
+        conditions.append(
             f"the inertia of {name}, at least {axis.inertia.lower:g}, is {axis.inertia.source}"
         )
     if damping and axis.damping.lower > 0.0 and _is_assumed(axis.damping.source):
-        found.append(
+        conditions.append(
             f"the damping of {name}, at least {axis.damping.lower:g}, is {axis.damping.source}"
         )
     if coulomb and axis.coulomb.lower > 0.0 and _is_assumed(axis.coulomb.source):
-        found.append(
+        conditions.append(
             f"the Coulomb friction of {name}, at least {axis.coulomb.lower:g}, is "
             f"{axis.coulomb.source}"
         )
-    return found
+    return conditions
 
 
 def _is_assumed(source: str) -> bool:

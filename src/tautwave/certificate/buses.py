@@ -21,16 +21,16 @@ def bus_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Eleme
         delay = delays[spec.axes[0].name]
         late = delay.periods + delay.remainder_s / (rig.period_s * bus.divisor)
         options = plugin.options.model_validate(bus.options)
-        for found in plugin.elements(options, spec, rig.axes, late):
-            verdict = Verdict(found.passed, found.sentence, found.conditions, found.margin)
+        for element in plugin.elements(options, spec, rig.axes, late):
+            verdict = Verdict(element.passed, element.sentence, element.conditions, element.margin)
             yield Element(
-                found.name,
-                found.kind,
-                found.axis,
+                element.name,
+                element.kind,
+                element.axis,
                 verdict,
                 verdict,
-                found.numbers,
-                (found.sentence,),
+                element.numbers,
+                (element.sentence,),
             )
 
 

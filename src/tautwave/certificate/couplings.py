@@ -17,8 +17,8 @@ def coupling_verdict(rig: Rig) -> CouplingVerdict:
     named = coupling_part(rig).verdict
     if not named:
         return SILENT
-    found = registry.load_named(named)
-    return found if isinstance(found, CouplingVerdict) else CouplingVerdict(found)
+    declared = registry.load_named(named)
+    return declared if isinstance(declared, CouplingVerdict) else CouplingVerdict(declared)
 
 
 def is_silent(rig: Rig) -> bool:

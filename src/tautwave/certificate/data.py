@@ -192,16 +192,16 @@ class Certificate(NamedTuple):
             return []
         if self.require == "coupled_stable":
             return [loop.verdict.reason for loop in self.loops if not loop.verdict.passed]
-        found = []
+        reasons = []
         for element in self.elements:
             verdict = getattr(element, self.require)
             if not verdict.passed:
-                found.append(verdict.reason)
-        return found
+                reasons.append(verdict.reason)
+        return reasons
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, None where a number is not finite."""
-        found: dict[str, Any] = json_ready(
+        data: dict[str, Any] = json_ready(
             {
                 "passed": self.passed,
                 "state": self.verdicts[self.require].state,
@@ -213,7 +213,7 @@ class Certificate(NamedTuple):
                 "walls": {axis: dict(wall) for axis, wall in self.walls.items()},
             }
         )
-        return found
+        return data
 
 
 def join_verdicts(verdicts: Iterable[Verdict], passing: str) -> Verdict:

@@ -66,10 +66,10 @@ def _limit(
     for _ in range(1 if controlled else BISECTIONS):
         # What a damper in the motor does for a wall depends on the wall.
         at = sampled._replace(stiffness=limit)
-        found = damping_at(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], at)
-        if controlled or limit == 0.0 or is_passive(at, share * found):
+        damping = damping_at(at_axis_rate(rig, axis_name), axis_name, delays[axis_name], at)
+        if controlled or limit == 0.0 or is_passive(at, share * damping):
             break
-        limit = min(limit, greatest_stiffness(at, share * found))
+        limit = min(limit, greatest_stiffness(at, share * damping))
     if rig.require == "passive_quantised":
         friction = coulomb.get(axis_name, 0.0)
         limit = min(limit, _quantised_limit(sampled, axis, friction))

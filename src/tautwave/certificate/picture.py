@@ -106,16 +106,16 @@ def certificate_figure(rig: Rig) -> Figure:
     figure, axes = panels([2.1] * count + [0.1], title, False, columns=2)
     text_panel(axes[-2], [(SOFT, text) for text in explanation(rig)])
     axes[-1].set_axis_off()
-    for at, (axis_name, found) in enumerate(rows):
+    for at, (axis_name, judged) in enumerate(rows):
         left, right = axes[2 * at : 2 * at + 2]
         rotary = rig.axes[axis_name].kind == "rotary"
         units = ("N m/rad", "N m s/rad") if rotary else ("N/m", "N s/m")
         name = plain(wall_name(rig, axis_name))
         heading(left, f"{name}: damping needed")
         heading(right, f"{name}: K and B that pass")
-        _needed(left, found, units[1])
+        _needed(left, judged, units[1])
         before = local_wall(asked, axis_name)
-        _plane(right, found, units, found.wall.stiffness if before is None else before.stiffness)
+        _plane(right, judged, units, judged.wall.stiffness if before is None else before.stiffness)
     if waves:
         for side, panel in zip(("master", "slave"), axes[2 * len(rows) :], strict=False):
             _ports(panel, rig, side, delays)

@@ -114,11 +114,11 @@ def wall_element(
         verdict = Verdict(False, reason)
         numbers = {"stiffness": wall.stiffness, "damping": wall.damping}
         return Element(name, "wall", axis_name, verdict, verdict, numbers, (reason,))
-    found = wall_verdict(rig, axis_name, wall, delays, coulomb)
+    judged = wall_verdict(rig, axis_name, wall, delays, coulomb)
     rotary = axis.kind == "rotary"
     has = axis_allowance(rig, axis_name, delays[axis_name])
-    passive = _passive(rig, axis_name, wall, found, has, name, rotary)
-    quantum = quantum_sentence(found, name, rotary=rotary)
+    passive = _passive(rig, axis_name, wall, judged, has, name, rotary)
+    quantum = quantum_sentence(judged, name, rotary=rotary)
     sentences = [passive.reason]
     if asked > wall.stiffness:
         unit = "N m/rad" if rotary else "N/m"
@@ -129,8 +129,8 @@ def wall_element(
         )
     if not passive.passed:
         sentences += adversary(rig, axis_name, wall, delays[axis_name], name)
-    sentences += [quantum, stability_sentence(found, name, rotary=rotary)]
-    noise = noise_power(rig, axis_name, found)
+    sentences += [quantum, stability_sentence(judged, name, rotary=rotary)]
+    noise = noise_power(rig, axis_name, judged)
     if noise > 0.0:
         sentences.append(_noise_sentence(axis, name, noise))
     claim = wall_claim(rig, axis_name, wall, delays[axis_name])
@@ -145,8 +145,8 @@ def wall_element(
         "wall",
         axis_name,
         passive,
-        _quantised(rig, axis_name, passive, found, quantum),
-        _numbers(found, asked)
+        _quantised(rig, axis_name, passive, judged, quantum),
+        _numbers(judged, asked)
         | ({"claim_j": claim} if math.isfinite(claim) else {})
         | ({"noise_w": noise} if noise > 0.0 else {}),
         tuple(sentences),
@@ -167,7 +167,7 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
         return []  # the construction is one for a device whose damping is its own
     sampled = sampled_wall(rig, axis_name, wall, delay)
     law = wall_transfer(sampled)
-    found = destabilising_hand(
+    hand = destabilising_hand(
         Sampled(
             rational(list(law.numerator), list(law.denominator)),
             sampled.period,
@@ -175,9 +175,9 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
         ),
         device=User(has.inertia, has.free_damping),
     )
-    if found is None:
+    if hand is None:
         return []
-    numbers = found.sentence(rotary=rig.axes[axis_name].kind == "rotary").partition(
+    numbers = hand.sentence(rotary=rig.axes[axis_name].kind == "rotary").partition(
         " is unstable with this hand"
     )
     return [f"{name}: unstable with this hand on the device{numbers[2]}."]
@@ -186,12 +186,12 @@ def adversary(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay, name: s
 def wall_claims(rig: Rig) -> dict[str, float]:
     """Return, by axis, the greatest debt of each wall that is bounded [J]."""
     delays = declared_delays(rig)
-    found = {}
+    debts = {}
     for name in rig.axes:
         wall = local_wall(rig, name)
         if wall is not None and rig.axes[name].causality == "impedance":
-            found[name] = wall_claim(rig, name, wall, delays[name])
-    return {name: claim for name, claim in found.items() if math.isfinite(claim)}
+            debts[name] = wall_claim(rig, name, wall, delays[name])
+    return {name: claim for name, claim in debts.items() if math.isfinite(claim)}
 
 
 def wall_claim(rig: Rig, axis_name: str, wall: Wall, delay: CommandDelay) -> float:

@@ -36,7 +36,7 @@ def _brake(rig: Rig, axis_name: str, delay: CommandDelay) -> Element:
     unit = "rad" if rotary else "m"
     used = 2.0 * SHARE * p.device
     greatest = p.stiffness * p.slip
-    said = (
+    sentence = (
         f"Held, {axis_name} resists being moved with up to {greatest:.3g} {effort}, at "
         f"{p.stiffness:.3g} {effort}/{unit}, and slips beyond that; this uses {used:.3g} {damping} "
         f"of the device's damping. Beyond what the device itself dissipates, a hold may supply up "
@@ -51,5 +51,5 @@ def _brake(rig: Rig, axis_name: str, delay: CommandDelay) -> Element:
         "hold_w": p.power,
         "stalled_j": p.reserve,
     }
-    verdict = Verdict(True, said, margin=p.device - used)
-    return Element(name, "brake", axis_name, verdict, verdict, numbers, (said,))
+    verdict = Verdict(True, sentence, margin=p.device - used)
+    return Element(name, "brake", axis_name, verdict, verdict, numbers, (sentence,))

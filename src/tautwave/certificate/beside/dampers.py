@@ -40,15 +40,15 @@ def _damper(rig: Rig, axis_name: str, delay: CommandDelay, damper: Damper) -> El
         f"{1e6 * damper.loop_s:.3g} us"
     )
     if has.damper_damping >= alone:
-        said = (
+        sentence = (
             f"the {name}: {damper.damping:.4g} {unit}, {behind}, takes {has.damper_damping:.3g} "
             f"{unit} of the device's damping at high frequencies, but damping.lower leaves "
             f"{max(alone, 0.0):.3g}; lower its damping to "
             f"{0.9 * damper.damping * max(alone, 0.0) / has.damper_damping:.2g}"
         )
-        failed = Verdict(False, said, margin=alone - has.damper_damping)
-        return Element(name, "damper", axis_name, failed, failed, numbers, (said,))
-    said = (
+        failed = Verdict(False, sentence, margin=alone - has.damper_damping)
+        return Element(name, "damper", axis_name, failed, failed, numbers, (sentence,))
+    sentence = (
         f"The {name}, {damper.damping:.4g} {unit}, {behind}, takes {has.damper_damping:.3g} {unit} "
         "of the device's damping at high frequencies, whatever the hand."
     )
@@ -57,34 +57,34 @@ def _damper(rig: Rig, axis_name: str, delay: CommandDelay, damper: Damper) -> El
         numbers["reach"] = reach
         numbers["approach_j"] = 0.5 * damper.damping * damper.filter_s * fast * fast
         place = "rad" if rotary else "m"
-        said += (
+        sentence += (
             f" It is sent from {reach:.3g} {place} before the wall on, and in stops. As its filter "
             f"lags, each approach may give up to {numbers['approach_j']:.2g} J."
         )
-    found, needed = has.sampled_damping, 0.0
+    damping, needed = has.sampled_damping, 0.0
     wall = local_wall(rig, axis_name)
     if wall is not None:
         sampled = sampled_wall(rig, axis_name, wall, delay)
-        found, needed = damping_at(rig, axis_name, delay, sampled), wall_leak(sampled).damping
-        said += f" It gives the wall {found:.3g} {unit} instead of {alone:.3g}."
+        damping, needed = damping_at(rig, axis_name, delay, sampled), wall_leak(sampled).damping
+        sentence += f" It gives the wall {damping:.3g} {unit} instead of {alone:.3g}."
         without = greatest_stiffness(sampled, max(alone, 0.0))
         numbers["stiffness_without"] = without
-        said += (
+        sentence += (
             f" A motor that reports an error, or that nothing is heard from, gives no effort at "
             f"all: a wall on it is gone, and nothing is given. One that lost its damper alone "
             f"would bear {without:.4g} {stiff}; where it derates itself below "
             f"{has.effort:.3g} {effort} and its damper's effort together, this does not "
             "hold."
         )
-    numbers["wall_damping"] = found
-    margin = found - needed - has.load_damping
+    numbers["wall_damping"] = damping
+    margin = damping - needed - has.load_damping
     if margin > 0.0:
         power = damper.bias**2 / (4.0 * margin)
         numbers["bias_w"] = power
-        said += (
+        sentence += (
             f" The steps of its velocity and effort push with up to {damper.bias:.2g} {effort} at "
             f"rest, and may give up to {power:.2g} W."
         )
     conditions = (damper.assumed,) if damper.assumed else ()
-    verdict = Verdict(True, said, conditions, alone - has.damper_damping)
-    return Element(name, "damper", axis_name, verdict, verdict, numbers, (said,))
+    verdict = Verdict(True, sentence, conditions, alone - has.damper_damping)
+    return Element(name, "damper", axis_name, verdict, verdict, numbers, (sentence,))

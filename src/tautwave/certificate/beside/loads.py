@@ -63,13 +63,13 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> El
     }
     felt = felt_axes(rig).get(axis_name)
     what = f", including the weight of {felt} rendered to the hand," if felt else ""
-    said = (
+    sentence = (
         f"The load of {axis_name}{what} is compensated at the middle of each period; its slope is "
         f"at most {slope:.3g} {stiff}, which uses {needed:.3g} {unit} of the device's damping."
     )
     if axis_name == next(iter(felt_axes(rig)), None) and (swing := felt_swing(rig)) > 0.0:
         numbers["engage_j"] = swing
-        said += (
+        sentence += (
             f" Each engagement, and each end of one, may supply up to {swing:.3g} J to the hand "
             "while that weight is ramped in or out."
         )
@@ -77,11 +77,11 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> El
         swing = payload_swing(rig, axis_name.partition(".")[0])
         if swing > 0.0:
             numbers["payload_j"] = swing
-            said += (
+            sentence += (
                 f" Each payload change may supply up to {swing:.3g} J more over the range if the "
                 "tip does not actually hold it."
             )
-    passive = Verdict(True, said, margin=left - needed)
+    passive = Verdict(True, sentence, margin=left - needed)
     if needed > left:
         spent = {"a wall": has.wall_damping, "compensation": has.compensated_damping}
         used = " and ".join(f"{who} uses {much:.3g}" for who, much in spent.items() if much > 0.0)
@@ -106,7 +106,9 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> El
             f"{friction:.3g} {effort} of Coulomb friction, but coulomb.lower is "
             f"{has.coulomb:.3g}{of}",
         )
-    return Element(f"load of {axis_name}", "load", axis_name, passive, quantised, numbers, (said,))
+    return Element(
+        f"load of {axis_name}", "load", axis_name, passive, quantised, numbers, (sentence,)
+    )
 
 
 def _borne(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], most: float) -> Element:
@@ -116,11 +118,11 @@ def _borne(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], most: f
     unit, place = ("N m", "rad") if rotary else ("N", "m")
     each = load_offset(rig, axis_name, delays)
     low, high = axis.position_range or (float("-inf"), float("inf"))
-    said = (
+    sentence = (
         f"The load of {axis_name}, up to {most:.3g} {unit}, is carried by the coupling, which "
         f"causes an offset of up to {each * most:.3g} {place} in the pair."
     )
-    verdict = Verdict(True, said)
+    verdict = Verdict(True, sentence)
     if each * most > high - low:
         verdict = Verdict(
             False,
@@ -129,4 +131,6 @@ def _borne(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], most: f
             "compensate for it (compensate: true)",
         )
     numbers = {"greatest_load": most, "offset_per_effort": each, "offset": each * most}
-    return Element(f"load of {axis_name}", "load", axis_name, verdict, verdict, numbers, (said,))
+    return Element(
+        f"load of {axis_name}", "load", axis_name, verdict, verdict, numbers, (sentence,)
+    )

@@ -71,10 +71,10 @@ def haptics(rig: Rig) -> Haptics:
     ]
     felt = []
     for pair in rig.coupling.pairs:
-        found = pair_felt(rig, pair, delays)
-        if isinstance(found, str):
-            silent.append(found)
+        pair_result = pair_felt(rig, pair, delays)
+        if isinstance(pair_result, str):
+            silent.append(pair_result)
         else:
-            felt.append(found)
+            felt.append(pair_result)
     feel, unfelt = rig_feel(rig)
     return Haptics(widths, tuple(felt), feel, wall_cycles(rig, delays), (*silent, *unfelt))

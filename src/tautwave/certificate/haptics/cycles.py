@@ -83,7 +83,7 @@ class WallCycle(NamedTuple):
 
 def wall_cycles(rig: Rig, delays: Mapping[str, CommandDelay]) -> tuple[WallCycle, ...]:
     """Return a limit cycle for each wall that is not passive and has no passivity control."""
-    found = []
+    cycles = []
     for axis_name, axis in rig.axes.items():
         wall = local_wall(rig, axis_name)
         if wall is None or axis.causality != "impedance" or wall.passivity_control:
@@ -97,8 +97,8 @@ def wall_cycles(rig: Rig, delays: Mapping[str, CommandDelay]) -> tuple[WallCycle
         device = Device(body.mass, body.damping)
         name, rotary = wall_name(rig, axis_name), axis.kind == "rotary"
         bias = BIAS * axis_allowance(own, axis_name, delays[axis_name]).shared_effort
-        found.append(limit_cycle(name, axis_name, rotary, verdict.wall, device, bias))
-    return tuple(found)
+        cycles.append(limit_cycle(name, axis_name, rotary, verdict.wall, device, bias))
+    return tuple(cycles)
 
 
 def limit_cycle(

@@ -91,18 +91,18 @@ class Feel(NamedTuple):
     def sentences(self) -> list[str]:
         """Return the figures as sentences."""
         effort, place = ("N m", "rad") if self.rotary else ("N", "m")
-        name, found = f"pair {self.pair}", []
+        name, sentences = f"pair {self.pair}", []
         if self.stiffness is not None:
-            found.append(
+            sentences.append(
                 f"{name}: pressed with {self.pressed:.3g} {effort}, a wall of {self.wall:g} "
                 f"{effort}/{place} feels like {self.stiffness:.3g} {effort}/{place}."
             )
         if self.drag is not None:
-            found.append(
+            sentences.append(
                 f"{name}: moved freely at {self.speed:.3g} {place}/s, it drags with "
                 f"{self.drag:.3g} {effort}; {self.own:.3g} of it is the master's own friction."
             )
-        return [*found, *(f"{name}: {why}" for why in self.ended)]
+        return [*sentences, *(f"{name}: {why}" for why in self.ended)]
 
 
 class _Course(NamedTuple):
@@ -271,9 +271,9 @@ def _room(limits: tuple[float, float] | None, start: float, toward: float) -> fl
 
 def _hand(rig: Rig, pair: str) -> Hand:
     assert rig.simulation is not None
-    found = rig.simulation.hand[pair]
-    assert isinstance(found, Hand)
-    return found
+    hand = rig.simulation.hand[pair]
+    assert isinstance(hand, Hand)
+    return hand
 
 
 def _simulated(
@@ -323,10 +323,10 @@ def _stiffness(rig: Rig, pair: str, run: Simulation, slow: float) -> float | Non
     rows = _rows(rig, run, times[2], times[-1])
     if run.error is not None:
         return None
-    found = slope(
+    stiffness = slope(
         *(run[f"true.master.{pair}.{what}"][rows] for what in ("position", "hand_effort"))
     )
-    return None if math.isnan(found) else found
+    return None if math.isnan(stiffness) else stiffness
 
 
 def _move(rig: Rig, courses: dict[str, _Course], slow: float) -> Simulation:

@@ -199,8 +199,8 @@ def _margin(panel: Axes, one: Felt) -> None:
 
 def _cycle(panel: Axes, one: WallCycle) -> None:
     place = "rad" if one.rotary else "m"
-    said = one.predicted
-    hertz = one.simulated.frequency or (said.frequency if said is not None else 0.0)
+    predicted = one.predicted
+    hertz = one.simulated.frequency or (predicted.frequency if predicted is not None else 0.0)
     period = one.wall.period
     shown = min(round(SHOWN_CYCLES / hertz / period), 4000) if hertz > 0.0 else 400
     time, depth, _ = trace_limit_cycle(
@@ -210,24 +210,24 @@ def _cycle(panel: Axes, one: WallCycle) -> None:
     reach = max(
         float(np.abs(depth).max()),
         at_rest,
-        *((said.depth, said.height) if said is not None else ()),
+        *((predicted.depth, predicted.height) if predicted is not None else ()),
     )
     power = int(3 * np.floor(np.log10(reach) / 3.0)) if reach < 0.1 else 0
     factor, unit = {-3: (1e3, f"m{place}"), -6: (1e6, f"µ{place}")}.get(power, (1.0, place))
-    found = one.simulated
+    simulated = one.simulated
     ends = [factor * float(value) for value in (depth.max(), at_rest, depth.min(), 0.0)]
     top, bottom = max(ends), min(ends)
-    if said is not None:
-        top, bottom = max(top, factor * said.depth), min(bottom, -factor * said.height)
+    if predicted is not None:
+        top, bottom = max(top, factor * predicted.depth), min(bottom, -factor * predicted.height)
     top, bottom = top + 0.08 * (top - bottom), bottom - 0.08 * (top - bottom)
     panel.axhspan(0.0, top, color=PASSIVE, alpha=0.6, linewidth=0, label="in the wall")
-    seen = "simulated, at rest" if found == REST else f"simulated, {found.frequency:.3g} Hz"
+    seen = "simulated, at rest" if simulated == REST else f"simulated, {simulated.frequency:.3g} Hz"
     panel.plot(1e3 * time, factor * depth, color=MASTER, label=seen)
     panel.axhline(factor * at_rest, color=SOFT, linestyle=":", label="resting depth F / K")
-    if said is not None and said != REST:
-        label = f"predicted, {said.frequency:.3g} Hz"
-        panel.axhline(factor * said.depth, color=LINE, linestyle="--", label=label)
-        panel.axhline(-factor * said.height, color=LINE, linestyle="--")
+    if predicted is not None and predicted != REST:
+        label = f"predicted, {predicted.frequency:.3g} Hz"
+        panel.axhline(factor * predicted.depth, color=LINE, linestyle="--", label=label)
+        panel.axhline(-factor * predicted.height, color=LINE, linestyle="--")
     panel.set(xlabel="time [ms]", ylabel=f"depth [{unit}]")
     panel.set_ylim(bottom, top)
     push = "N m" if one.rotary else "N"

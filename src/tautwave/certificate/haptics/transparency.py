@@ -220,7 +220,7 @@ def pair_felt(rig: Rig, pair: str, delays: Delays) -> Felt | str:
         touching, ideal = transmitted(h, load), ratio * load
     low, high = (float(2.0 * math.pi * hertz[at]) for at in (0, -1))
     margin = _margin(certain(s))
-    found = Felt(
+    felt = Felt(
         pair,
         axis.kind == "rotary",
         hertz,
@@ -236,11 +236,11 @@ def pair_felt(rig: Rig, pair: str, delays: Delays) -> Felt | str:
     )
     worst = int(np.argmin(margin))
     if margin[worst] >= 0.0:
-        return found
+        return felt
     passive = destabilising_ends(certain, 2.0 * math.pi * float(hertz[worst]))
     if passive is None or not _is_unstable(rig, pair, delays, passive):
-        return found
-    return found._replace(ends=passive)
+        return felt
+    return felt._replace(ends=passive)
 
 
 def _is_unstable(rig: Rig, pair: str, delays: Delays, ends: Ends) -> bool:

@@ -37,7 +37,7 @@ def asked_of_law(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Ask
     """
     alike = coupling_law(rig).alike
     poles = (_pole(rig, f"master.{pair}"), _pole(rig, f"slave.{pair}"))
-    found = []
+    answers = []
     for what in ("position", "effort"):
         each = [_answer(rig, pair, delays, side, what) for side in (0, 1)]
         for one, pole in zip(each, poles, strict=True):
@@ -48,13 +48,13 @@ def asked_of_law(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Ask
         for side, one in enumerate(each):
             assert one is not None
             both[: len(one), :, side] = one
-        found.append(both)
+        answers.append(both)
     scale = pair_scale(rig.coupling.pairs[pair])
     ratio, force = scale.sign * scale.scale, scale.sign / scale.force_scale
     efforts = np.array([1.0, force])[:, None]
     return Asked(
-        found[0] * efforts * np.array([1.0, ratio]),
-        found[1] * efforts * np.array([1.0, 1.0 / force]),
+        answers[0] * efforts * np.array([1.0, ratio]),
+        answers[1] * efforts * np.array([1.0, 1.0 / force]),
         poles,
     )
 

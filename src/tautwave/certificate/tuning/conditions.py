@@ -58,14 +58,14 @@ def _of_gaps(rig: Rig, name: str, delay: CommandDelay) -> Iterator[str]:
     if stall <= STALL_PASSES * most:
         return
     safe = claim.safe_gap()
-    said = f"no sample of {name} is lost and the host does not stall"
+    condition = f"no sample of {name} is lost and the host does not stall"
     if safe > 0.0:
-        said = f"no gap between samples of {name} is longer than {1e3 * safe:.4g} ms"
-    said += (
+        condition = f"no gap between samples of {name} is longer than {1e3 * safe:.4g} ms"
+    condition += (
         f" (it may supply {joules(stall)} in one of {1e3 * claim.gap:.4g} ms, "
         f"{short(stall / most)} times the {joules(most)} that it has at its velocity limit)"
     )
-    yield said
+    yield condition
 
 
 def _of_rate(
@@ -91,11 +91,11 @@ def _of_rate(
         needed += 2.0 * one.compensation_effort / one.period
     if needed <= one.shared_rate:
         return
-    said = f"the effort_rate_limit of {name} is not reached in the coupling"
+    condition = f"the effort_rate_limit of {name} is not reached in the coupling"
     if math.isfinite(needed):
         whole = needed * one.effort_rate / one.shared_rate
-        said += f"; {whole:.4g} would suffice at all velocities within its limits"
-    yield said
+        condition += f"; {whole:.4g} would suffice at all velocities within its limits"
+    yield condition
 
 
 def _of_steps(rig: Rig, name: str, has: AxisAllowance) -> Iterator[str]:
@@ -128,10 +128,12 @@ def stall_joules(rig: Rig, pair: str, delays: Delays) -> tuple[float, float] | N
 
 def stall_sentence(rig: Rig, pair: str, delays: Delays) -> str:
     """Return what lost samples and a stalled host may cost, '' where nothing bounds it."""
-    found = stall_joules(rig, pair, delays)
-    if found is None:
+    energies = stall_joules(rig, pair, delays)
+    if energies is None:
         return ""
-    parts = [f"{joules(given)} at {side}.{pair}" for side, given in zip(SIDES, found, strict=True)]
+    parts = [
+        f"{joules(given)} at {side}.{pair}" for side, given in zip(SIDES, energies, strict=True)
+    ]
     return f" Lost samples and stalls of the host may supply up to {' and '.join(parts)}, each."
 
 

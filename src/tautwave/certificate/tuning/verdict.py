@@ -28,8 +28,8 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     """Return the coupling of a pair as an element; `remedy` ends the sentence of one that fails."""
     head = f"coupling of {pair}"
     why = _uncovered(rig)
-    found = tuning(rig, pair, delays) if why is None else None
-    if found is None:
+    tuned = tuning(rig, pair, delays) if why is None else None
+    if tuned is None:
         why = why or (
             "an axis takes no effort or is served by a slow bus, or the law does not come to rest, "
             "or reads an effort sensor"
@@ -37,36 +37,36 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
         verdict = Verdict(False, f"{head}: not certified: {why}. {remedy}")
         return Element(head, "coupling", pair, verdict, verdict, {}, (verdict.reason,))
     names = [f"{side}.{pair}" for side in SIDES]
-    clipped = found.clipped_short <= 0.0
-    margin = -min(found.short, found.clipped_short)
+    clipped = tuned.clipped_short <= 0.0
+    margin = -min(tuned.short, tuned.clipped_short)
     numbers = {
-        **found._asdict(),
+        **tuned._asdict(),
         "damping": [axis_allowance(rig, name, delays[name]).free_damping for name in names],
         "damping_left": list(coupling_damping(rig, pair, delays)),
         "clip": pair_clip(rig, pair),
     }
-    text = f"{head}: {tuning_sentence(rig, pair, found)}"
+    text = f"{head}: {tuning_sentence(rig, pair, tuned)}"
     broken = [f"{name}, {why}" for name in names if (why := broken_damping(rig, name)) is not None]
     if broken:
         verdict = Verdict(False, f"{head}: {broken[0]}", margin=margin)
     elif refused := _refused(rig, names, delays):
         verdict = Verdict(False, f"{head}: {refused}", margin=margin)
-    elif not clipped and found.short > 0.0:
+    elif not clipped and tuned.short > 0.0:
         verdict = Verdict(False, f"{text} {remedy}", margin=margin)
-    elif not clipped and found.hears and (beside := _beside(rig, pair)) is not None:
+    elif not clipped and tuned.hears and (beside := _beside(rig, pair)) is not None:
         verdict = Verdict(
             False,
             f"{head}: not certified: its filtered velocities are predicted from all that is sent, "
             f"so {beside} would enter its spring; remove that or velocity_filter_s",
             margin=margin,
         )
-    elif refused := engagement_refusal(rig, pair, found.stiffness, delays):
+    elif refused := engagement_refusal(rig, pair, tuned.stiffness, delays):
         verdict = Verdict(False, f"{head}: {refused}", margin=margin)
     else:
         numbers["holds"] = "by tuning"
         text += stall_sentence(rig, pair, delays)
-        conditions = list(conditions_of(rig, pair, delays, found))
-        engaging = engagement_joules(rig, pair, found.stiffness, delays)
+        conditions = list(conditions_of(rig, pair, delays, tuned))
+        engaging = engagement_joules(rig, pair, tuned.stiffness, delays)
         if math.isinf(engaging):
             numbers["engage_j"] = None
             conditions.append(
