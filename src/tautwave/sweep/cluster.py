@@ -85,10 +85,10 @@ def read_address(scheduler: str) -> str:
         if not Path(scheduler).is_file():
             raise LinkError(f"{scheduler}: no such scheduler file; is the scheduler running?")
         try:
-            found = parse_json(read_guarded(Path(scheduler), "scheduler file", LARGEST))
+            parsed = parse_json(read_guarded(Path(scheduler), "scheduler file", LARGEST))
         except ValueError as err:
             raise ConfigError(f"{scheduler}: not a Dask scheduler file: {err}") from err
-        address = found.get("address") if isinstance(found, dict) else None
+        address = parsed.get("address") if isinstance(parsed, dict) else None
     if not isinstance(address, str) or not _ADDRESS.fullmatch(address):
         raise ConfigError(
             f"--scheduler {scheduler}: neither an address, such as tcp://10.0.0.5:8786, nor the "
@@ -255,8 +255,8 @@ def work(token: str, content: bytes, wanted: About, piece: Piece) -> Any:
         This process is not like the one that asks.
     """
     if getattr(_here, "token", None) != token:
-        found = about()
-        for name, this, that in zip(About._fields, found, wanted, strict=True):
+        worker = about()
+        for name, this, that in zip(About._fields, worker, wanted, strict=True):
             if this != that:
                 cause = {
                     "rounding": "its processor or math library rounds differently, so rows would "

@@ -39,7 +39,7 @@ class Family:
         None if one is invalid, or if the law would choose otherwise with them: such points are
         read alone, and equal the rig file with these values.
         """
-        found = []
+        numbers = []
         for local, known, value in zip(self.keys, self._read, values, strict=True):
             key = repr(value)
             if key not in known:
@@ -47,8 +47,8 @@ class Family:
             number = known[key]
             if number is None:
                 return None
-            found.append(number)
-        read = tuple(found)
+            numbers.append(number)
+        read = tuple(numbers)
         if self.base.choices and choose_again(self.rig(read)).choices != self.base.choices:
             return None
         return read

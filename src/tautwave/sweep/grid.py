@@ -51,11 +51,11 @@ class Recipe(NamedTuple):
 
     def places(self, number: int) -> tuple[int, ...]:
         """Return the index of a point along each axis; the last varies fastest."""
-        found = []
+        indices = []
         for axis in reversed(self.axes):
             number, at = divmod(number, len(axis))
-            found.append(at)
-        return tuple(reversed(found))
+            indices.append(at)
+        return tuple(reversed(indices))
 
     def choices(self, number: int) -> list[Choice]:
         """Return the varied settings of a point of this case."""

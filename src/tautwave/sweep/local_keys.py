@@ -90,13 +90,13 @@ def local_keys(keys: Iterable[str]) -> dict[str, LocalKey]:
     listed = list(keys)
     if not all(_PLAIN.fullmatch(key) for key in listed):
         return {}
-    found = {}
+    by_key = {}
     for key in listed:
         local = local_key(key)
         others = (other for other in listed if other != key)
         if local and not any(_nested(key, other) for other in others):
-            found[key] = local
-    return found
+            by_key[key] = local
+    return by_key
 
 
 def _nested(one: str, other: str) -> bool:
@@ -127,10 +127,10 @@ def read_value(rig: Rig, local: LocalKey, value: Any) -> float | int | None:
         return None  # what was wanted depends on the grip
     text = json.dumps({**block.model_dump(mode="json"), local.field: value})
     try:
-        found = getattr(type(block).model_validate_json(text, strict=True), local.field)
+        validated = getattr(type(block).model_validate_json(text, strict=True), local.field)
     except ValidationError:
         return None
-    return found if isinstance(found, float) else None
+    return validated if isinstance(validated, float) else None
 
 
 def block_at(rig: Rig, path: tuple[str, ...]) -> BaseModel | None:

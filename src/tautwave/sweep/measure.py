@@ -93,30 +93,30 @@ def measure_run(
     count = len(columns[f"{scales.pair}.position_error"])
     if count == 0:  # the coupling never engaged
         return {name: 0.0 if name == "stable" else math.nan for name in wanted}
-    found: dict[str, float] = {}
+    measured: dict[str, float] = {}
     for name, first in (("peak_amplitude", 0), ("late_amplitude", -max(1, count // 10))):
         if name in names:
-            found[name] = amplitude(scales, columns, first)
+            measured[name] = amplitude(scales, columns, first)
     if names & {"growth_rate", "stable"}:
         energy = moving_energy(scales, columns)
         growth = growth_of(energy, scales.period_s)
-        found["growth_rate"] = growth.rate
-        found["stable"] = is_stable(energy, scales) if finished else 0.0
+        measured["growth_rate"] = growth.rate
+        measured["stable"] = is_stable(energy, scales) if finished else 0.0
     for kind in ("position_error", "effort_error"):
         values = columns[f"{scales.pair}.{kind}"]
         if f"{kind}_rms" in names:
-            found[f"{kind}_rms"] = float(np.sqrt(np.mean(np.square(values))))
+            measured[f"{kind}_rms"] = float(np.sqrt(np.mean(np.square(values))))
         if f"{kind}_max" in names:
-            found[f"{kind}_max"] = farthest(values, 0.0)
+            measured[f"{kind}_max"] = farthest(values, 0.0)
     if names & set(FELT):
-        found.update(
+        measured.update(
             felt_measures(
                 scales.pair, columns, scales.period_s, ratio=scales.ratio, power=scales.power
             )
         )
     if names & set(BOOKS):
-        found.update(controller_books(scales.pair, columns))
-    return {name: found[name] for name in wanted if name in found}
+        measured.update(controller_books(scales.pair, columns))
+    return {name: measured[name] for name in wanted if name in measured}
 
 
 def predict_pair(rig: Rig, pair: str) -> dict[str, float]:
@@ -147,11 +147,11 @@ def amplitude(scales: Scales, columns: Columns, first: int) -> float:
 
     From cycle `first` on; an index, so -10 means the last ten.
     """
-    found = []
+    distances = []
     for side, unit in (("master", 1.0), ("slave", scales.position_scale)):
         x = columns[f"true.{side}.{scales.pair}.position"]
-        found.append(farthest(x[first:], x[0]) / unit)
-    return float(np.maximum(found[0], found[1]))
+        distances.append(farthest(x[first:], x[0]) / unit)
+    return float(np.maximum(distances[0], distances[1]))
 
 
 class Growth(NamedTuple):

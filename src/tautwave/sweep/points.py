@@ -154,10 +154,10 @@ class Points(Sequence[Point]):
                 yield int.from_bytes(texts.identity(arguments), "big")
 
     def _texts_of(self, case: int) -> Texts:
-        found = self._texts.get(case)
-        if found is None:
-            found = self._texts[case] = Texts(self._recipes[case], self._salts[case])
-        return found
+        texts = self._texts.get(case)
+        if texts is None:
+            texts = self._texts[case] = Texts(self._recipes[case], self._salts[case])
+        return texts
 
     def _document_of(self, case: int) -> Document:
         """Return the rig file's document with a case's settings, to be consumed."""
@@ -166,8 +166,8 @@ class Points(Sequence[Point]):
             document = pickle.loads(self._document)
             apply_overrides(document, [choice.argument for choice in self._recipes[case].fixed])
             kept = self._documents[case] = pickle.dumps(document)
-        found: Document = pickle.loads(kept)
-        return found
+        copy: Document = pickle.loads(kept)
+        return copy
 
     def rig(self, number: int) -> Rig:
         """Return the rig of a point.
@@ -177,9 +177,9 @@ class Points(Sequence[Point]):
         ConfigError
             It is not valid.
         """
-        found = self.family(number)
-        if found is not None:
-            family, values = found
+        shared_family = self.family(number)
+        if shared_family is not None:
+            family, values = shared_family
             read = family.read(values)
             if read is not None:
                 return self._seeded(family.rig(read), number)

@@ -84,9 +84,9 @@ class Simulator:
         ConfigError
             The rig is not valid, or cannot be simulated.
         """
-        found = None if self._whole else points.family(number)
-        if found is not None:
-            family, values = found
+        shared_family = None if self._whole else points.family(number)
+        if shared_family is not None:
+            family, values = shared_family
             pair = points.pair_of(family.base)
             template = self._templates_of(points).of(family)
             instance = None

@@ -200,11 +200,11 @@ def simulate_point(
     row = points.row(number)
     try:
         scales, run = simulate(points, number)
-        found = measure_run(scales, wanted, run.columns, finished=run.outcome == "finished")
+        measured = measure_run(scales, wanted, run.columns, finished=run.outcome == "finished")
         if any(name in PREDICTED for name in wanted):
-            found |= predict_pair(points.rig(number), scales.pair)
+            measured |= predict_pair(points.rig(number), scales.pair)
     except ConfigError as err:
         return {**row, "outcome": f"refused: {err}", "cycles": "0"}
     row.update(outcome=run.outcome, cycles=str(run.cycles))
-    row.update({name: repr(found[name]) for name in wanted})
+    row.update({name: repr(measured[name]) for name in wanted})
     return row

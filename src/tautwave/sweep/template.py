@@ -114,7 +114,7 @@ class Template:
         if read is None:
             return None
         rig: Rig | None = None
-        found = []
+        numbers = []
         for reached in self._reached:
             key = tuple([read[at] for at in reached.values])
             made = reached.kept.get(key)
@@ -129,8 +129,8 @@ class Template:
                 if len(reached.kept) >= KEPT:
                     reached.kept.clear()
                 made = reached.kept[key] = Made(params, image_of(params))
-            found.append(made)
-        return Instance(found, *self._draw(seed))
+            numbers.append(made)
+        return Instance(numbers, *self._draw(seed))
 
     @property
     def size(self) -> int:
