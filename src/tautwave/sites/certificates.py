@@ -38,16 +38,16 @@ def identity_files(directory: Path, site: str) -> Identity:
     ConfigError
         One of them is missing.
     """
-    found = Identity(
+    identity = Identity(
         directory / f"{site}.pem", directory / f"{site}.key", directory / f"{AUTHORITY}.pem"
     )
-    missing = [str(path) for path in found if not path.is_file()]
+    missing = [str(path) for path in identity if not path.is_file()]
     if missing:
         raise ConfigError(
             f"{', '.join(missing)}: missing; make them with: tautwave keys init DIR, and copy to "
             f"site {site} its own certificate and key, and {AUTHORITY}.pem"
         )
-    return found
+    return identity
 
 
 def make_authority(directory: Path, sites: Sequence[str], days: int = DAYS) -> list[Path]:

@@ -303,10 +303,10 @@ def _agree(
     """Draw a session, if it is the right site and nothing differs."""
     names = channel.names
     if names != [peer]:
-        found = ", ".join(names) or "nobody"
+        listed = ", ".join(names) or "nobody"
         yield from channel.turn_away(
-            f"your certificate belongs to {found}, but {peer} is expected here",
-            f"its certificate belongs to {found}, not to {peer}",
+            f"your certificate belongs to {listed}, but {peer} is expected here",
+            f"its certificate belongs to {listed}, not to {peer}",
         )
     while (hello := channel.poll()) is None:
         yield Wish()
@@ -402,10 +402,10 @@ def dial(
 
 def _bytes(message: Mapping[str, Any], key: str, size: int) -> bytes | None:
     try:
-        found = bytes.fromhex(message[key])
+        decoded = bytes.fromhex(message[key])
     except (KeyError, TypeError, ValueError):
         return None
-    return found if len(found) == size else None
+    return decoded if len(decoded) == size else None
 
 
 def _heed(message: Mapping[str, Any], where: str) -> None:
@@ -428,20 +428,20 @@ def _objection(message: Mapping[str, Any], shared: Mapping[str, Any]) -> tuple[s
             f"protocol {version} there, {PROTOCOL} here; use the same version",
         )
     theirs = _table(message, "shared")
-    found = _listed(shared, theirs)
-    if found:
-        return f"the rigs differ: {_listed(theirs, shared)}", f"the rigs differ: {found}"
+    difference = _listed(shared, theirs)
+    if difference:
+        return f"the rigs differ: {_listed(theirs, shared)}", f"the rigs differ: {difference}"
     return None
 
 
 def _listed(here: Mapping[str, Any], there: Mapping[str, Any]) -> str:
-    found = list(differences(here, there))
-    return "; ".join(found[:8]) + (" ..." if len(found) > 8 else "")
+    sentences = list(differences(here, there))
+    return "; ".join(sentences[:8]) + (" ..." if len(sentences) > 8 else "")
 
 
 def _table(message: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    found = message.get(key)
-    return found if isinstance(found, dict) else {}
+    block = message.get(key)
+    return block if isinstance(block, dict) else {}
 
 
 def _is_refusal(err: BaseException | None) -> bool:

@@ -137,15 +137,15 @@ class SessionProcess:
         self._dialling = True
 
         def work() -> None:
-            found: Outcome
+            outcome: Outcome
             try:
                 where = (order.host, order.port)
-                found = dial(where, context, order.peer, order.shared, order.facts)
+                outcome = dial(where, context, order.peer, order.shared, order.facts)
             except LinkError as err:
-                found = err
+                outcome = err
             except OSError as err:
-                found = LinkError(f"connection lost ({err.strerror or err})")
-            self._done_with(found)
+                outcome = LinkError(f"connection lost ({err.strerror or err})")
+            self._done_with(outcome)
 
         threading.Thread(target=work, daemon=True).start()
 
@@ -159,19 +159,19 @@ class SessionProcess:
         """Take what came of handshakes."""
         while True:
             try:
-                found = self._done.get_nowait()
+                outcome = self._done.get_nowait()
             except queue.Empty:
                 return
             self._dialling = False
-            if isinstance(found, LinkError):
+            if isinstance(outcome, LinkError):
                 self._dial_at = time.monotonic() + AGAIN_S
-                final = isinstance(found, RefusedError) and not self._order.serves
-                if self._reasons.is_news(found) or final:
-                    self._tell("refused" if final else "note", str(found))
+                final = isinstance(outcome, RefusedError) and not self._order.serves
+                if self._reasons.is_news(outcome) or final:
+                    self._tell("refused" if final else "note", str(outcome))
                 continue
             if self._channel is not None:
                 self._drop(f"{self._order.peer} rejoined")
-            self._channel, session = found
+            self._channel, session = outcome
             self._session = session.id.hex()
             self._heard = time.monotonic()
             self._reasons = Reasons()

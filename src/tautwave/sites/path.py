@@ -78,7 +78,7 @@ def serve_tests(
         The port is taken.
     """
     context = server_context(identity_files(directory, site))
-    found: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
+    outcomes: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
     testing = threading.Event()
 
     def meet(connection: socket.socket) -> Meeting:
@@ -90,7 +90,7 @@ def serve_tests(
     def take(outcome: Outcome) -> None:
         if not isinstance(outcome, LinkError):
             testing.set()  # before anybody else is asked in
-        found.put(outcome)
+        outcomes.put(outcome)
 
     with serve_at(*address) as listener:
         host, port = listener.getsockname()[:2]
@@ -98,7 +98,7 @@ def serve_tests(
         reasons = Reasons()
         with Reception(listener, meet, take):
             while True:
-                outcome = found.get()
+                outcome = outcomes.get()
                 if isinstance(outcome, LinkError):
                     if reasons.is_news(outcome):
                         yield str(outcome)
