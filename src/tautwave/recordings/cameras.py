@@ -26,8 +26,8 @@ class Picture(NamedTuple):
 
 def camera_names(directory: Path) -> tuple[str, ...]:
     """Return the cameras of a run, by their files."""
-    found = directory.glob(FILE.format(name="*"))
-    return tuple(sorted(path.stem.removeprefix("camera-") for path in found))
+    files = directory.glob(FILE.format(name="*"))
+    return tuple(sorted(path.stem.removeprefix("camera-") for path in files))
 
 
 def refuse_others(directory: Path, first_s: float) -> None:

@@ -99,9 +99,9 @@ def column_names(path: Path, stated: Stated = UNSTATED) -> list[str]:
         It cannot be read.
     """
     path = recording_file(path)
-    found = _reader(path).names(path, stated)
-    made = stated.rate_hz is not None and MADE not in found
-    return [MADE, *found] if made else found
+    names = _reader(path).names(path, stated)
+    made = stated.rate_hz is not None and MADE not in names
+    return [MADE, *names] if made else names
 
 
 def read_columns(
@@ -137,24 +137,24 @@ def read_columns(
     wanted = list(dict.fromkeys([time_column, *names]))
     if stated.rate_hz is not None:  # its rows are evenly spaced, whatever times the file has
         wanted.remove(time_column)
-    found = _reader(path).columns(path, wanted, stated, holes=holes)
+    columns = _reader(path).columns(path, wanted, stated, holes=holes)
     if stated.rate_hz is not None:
-        count = len(next(iter(found.values()), ()))
-        found[time_column] = np.arange(count) / stated.rate_hz
-    _check(path, found, time_column, holes)
+        count = len(next(iter(columns.values()), ()))
+        columns[time_column] = np.arange(count) / stated.rate_hz
+    _check(path, columns, time_column, holes)
     if stated.rate_hz is None:
-        found[time_column] = in_seconds(
-            path, time_column, found[time_column], stated.time_unit, notes
+        columns[time_column] = in_seconds(
+            path, time_column, columns[time_column], stated.time_unit, notes
         )
-    return found
+    return columns
 
 
 def read_column(
     path: Path, column: str, time_column: str, stated: Stated = UNSTATED
 ) -> tuple[Array, Array]:
     """Read times [s] and the values of one column, as `read_columns` does."""
-    found = read_columns(path, [column], time_column, stated=stated)
-    return found[time_column], found[column]
+    columns = read_columns(path, [column], time_column, stated=stated)
+    return columns[time_column], columns[column]
 
 
 def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool) -> None:

@@ -163,12 +163,12 @@ def read_recording(
         No file, not MCAP, not written by tautwave, no rows, or an unknown column.
     """
     if os.path.isdir(path):
-        found = os.path.join(path, RUN)
-        if not os.path.exists(found):
+        in_directory = os.path.join(path, RUN)
+        if not os.path.exists(in_directory):
             raise RecordingError(
                 f"{os.fspath(path)} holds no {RUN}; give a recording, or the directory of a run"
             )
-        path = found
+        path = in_directory
     name = os.fspath(path)
     if stride < 1 or rows.step not in (None, 1):
         raise RecordingError("only positive steps are supported: every n-th row with n >= 1")

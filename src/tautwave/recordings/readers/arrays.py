@@ -28,14 +28,14 @@ def npz_columns(
 
 
 def _vectors(path: Path) -> dict[str, Array]:
-    found: dict[str, Array] = {}
+    vectors: dict[str, Array] = {}
     try:
         with open_file(path) as file, np.load(file, allow_pickle=False) as content:
             for name in content.files:
-                flatten(name, content[name], found)
+                flatten(name, content[name], vectors)
     except (OSError, ValueError, AttributeError, zipfile.BadZipFile) as err:
         raise ConfigError(f"{path}: cannot be read as an npz file: {err}") from err
-    return found
+    return vectors
 
 
 def parquet_names(path: Path, stated: Stated) -> list[str]:
@@ -64,7 +64,7 @@ def parquet_table(
     """
     parquet = library(path, "pyarrow.parquet", "parquet")
     lib = library(path, "pyarrow", "parquet")
-    found: dict[str, Array] = {}
+    columns: dict[str, Array] = {}
     try:
         with open_file(path) as file:
             table = parquet.read_table(file, filters=filters)
@@ -85,11 +85,13 @@ def parquet_table(
             known = (names or {}).get(name, [])
             for at, part in enumerate(parts.T):
                 fits = len(known) == parts.shape[1]
-                found[f"{name}.{known[at]}" if fits else f"{name}[{at}]"] = part.astype(np.float64)
+                columns[f"{name}.{known[at]}" if fits else f"{name}[{at}]"] = part.astype(
+                    np.float64
+                )
         elif (
             types.is_integer(column.type)
             or types.is_floating(column.type)
             or types.is_boolean(kind)
         ):
-            flatten(name, column.to_numpy(), found)
-    return found
+            flatten(name, column.to_numpy(), columns)
+    return columns

@@ -28,7 +28,7 @@ def matlab_columns(
 
 def _vectors(path: Path) -> dict[str, Array]:
     io = library(path, "scipy.io", "analysis")
-    found: dict[str, Array] = {}
+    vectors: dict[str, Array] = {}
     try:
         with open_file(path) as file:
             content = io.loadmat(file, simplify_cells=True)
@@ -38,22 +38,22 @@ def _vectors(path: Path) -> dict[str, Array]:
         raise ConfigError(f"{path}: cannot be read as a MATLAB file: {err}") from err
     for name, value in content.items():
         if not name.startswith("__"):
-            flatten(name, value, found)
-    return found
+            flatten(name, value, vectors)
+    return vectors
 
 
 def _hdf5(path: Path) -> dict[str, Array]:
     """Return the vectors of a file of version 7.3; its matrices are stored column by column."""
     h5py = library(path, "h5py", "hdf5")
-    found: dict[str, Array] = {}
+    vectors: dict[str, Array] = {}
     try:
         with open_file(path) as raw, h5py.File(raw, "r") as file:
             for name, value in file.items():
                 if not name.startswith("#"):
-                    flatten(name, _plain(h5py, value), found)
+                    flatten(name, _plain(h5py, value), vectors)
     except OSError as err:
         raise ConfigError(f"{path}: cannot be read as a MATLAB 7.3 file: {err}") from err
-    return found
+    return vectors
 
 
 def _plain(h5py: Any, value: Any) -> Any:

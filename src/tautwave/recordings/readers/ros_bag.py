@@ -67,11 +67,11 @@ def bag_columns(
     for table in whose.values():
         inside &= (times >= table[TIME][0]) & (times <= table[TIME][-1])
     times = times[inside]
-    found = {TIME: times}
+    columns = {TIME: times}
     for name, table in whose.items():
         own = table is first
-        found[name] = table[name][inside] if own else np.interp(times, table[TIME], table[name])
-    return found
+        columns[name] = table[name][inside] if own else np.interp(times, table[TIME], table[name])
+    return columns
 
 
 def _tables(path: Path) -> dict[str, dict[str, Array]]:
@@ -98,8 +98,8 @@ def _tables(path: Path) -> dict[str, dict[str, Array]]:
 def _table(rows: list[tuple[int, dict[str, float]]], begin: int) -> dict[str, Array]:
     rows.sort(key=lambda row: row[0])
     names = dict.fromkeys(name for _, row in rows for name in row)
-    found = {name: np.array([row.get(name, np.nan) for _, row in rows]) for name in names}
-    return found | {TIME: np.array([1e-9 * (stamp - begin) for stamp, _ in rows])}
+    columns = {name: np.array([row.get(name, np.nan) for _, row in rows]) for name in names}
+    return columns | {TIME: np.array([1e-9 * (stamp - begin) for stamp, _ in rows])}
 
 
 def _numbers(message: Message, told: Any) -> dict[str, float]:
