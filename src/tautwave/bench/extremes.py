@@ -343,22 +343,22 @@ def rig_table(
     broken = 0
     for group in groups(rig):
         tell(group.name)
-        found = [
+        figures = [
             try_rig(path, (*changes, *case), duration_s=duration_s, engine=engine)
             for case in group.rigs
         ]
-        ends = [one.end for one in found]
-        broken += sum(one.not_finite for one in found)
-        failures = [one.why for one in found if one.why]
+        ends = [one.end for one in figures]
+        broken += sum(one.not_finite for one in figures)
+        failures = [one.why for one in figures if one.why]
         rows.append(
             [
                 group.name,
                 ends.count("finished"),
                 ends.count("stopped"),
                 ends.count("refused"),
-                max(one.residual for one in found),
-                max(one.generated for one in found),
-                sum(one.not_finite for one in found),
+                max(one.residual for one in figures),
+                max(one.generated for one in figures),
+                sum(one.not_finite for one in figures),
             ]
         )
         if failures:

@@ -101,11 +101,11 @@ def cameras_beside(run: int) -> list[int]:
 
 
 def _start(bridge: Bridge, out: Path, stack: ExitStack) -> Iterator[int]:
-    said = str(out)
-    for words, program in (([*CLI, *bridge.server, said], bridge.server), ([], bridge.client)):
+    output = str(out)
+    for words, program in (([*CLI, *bridge.server, output], bridge.server), ([], bridge.client)):
         if not program:
             continue
-        command = words or [sys.executable, "-c", bridge.client, said]
+        command = words or [sys.executable, "-c", bridge.client, output]
         child = subprocess.Popen(command, stdout=subprocess.PIPE)
         stack.callback(child.communicate)
         stack.callback(child.kill)
@@ -113,5 +113,5 @@ def _start(bridge: Bridge, out: Path, stack: ExitStack) -> Iterator[int]:
         heard = child.stdout.readline().decode().split()
         if not heard:
             raise RuntimeError(f"the bridge {bridge.name} did not begin")
-        said = heard[-1]
+        output = heard[-1]
         yield child.pid

@@ -137,7 +137,7 @@ def measure(
 ) -> dict[str, Any]:
     """Measure every case; `seconds` for each engine in each round."""
     first = pairs_rig(1, 1000, engines[0]).loop
-    found = []
+    figures = []
     with realtime(first.fifo_priority, first.cpu, first.lock_memory) as granted:
         requests = list(granted)
         for count in pairs:
@@ -154,8 +154,8 @@ def measure(
                     for engine in engines:
                         _run(paced, engine, seconds)
                     _count_as_long(paced, engines[-1], seconds)
-                found.append(_figures(paced))
-    return {"realtime": requests, "seconds": seconds * rounds, "cases": found}
+                figures.append(_figures(paced))
+    return {"realtime": requests, "seconds": seconds * rounds, "cases": figures}
 
 
 def _figures(paced: Paced) -> dict[str, Any]:

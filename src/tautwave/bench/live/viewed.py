@@ -99,9 +99,9 @@ def viewed(*, turns: int, turn_s: float) -> Viewed:
                 clock.sleep_until(clock.now_ns() + 50_000_000)
             run.send_signal(signal.SIGINT)  # its report is not needed
             run.wait()
-        found = read_recording(out, ["time_s", "lateness_us"])
+        rows_read = read_recording(out, ["time_s", "lateness_us"])
         summary = parse_json((out / "summary.json").read_text(encoding="utf-8"))
-    open_us, closed_us = _by_turn(found["time_s"], found["lateness_us"], marks)
+    open_us, closed_us = _by_turn(rows_read["time_s"], rows_read["lateness_us"], marks)
     share = float(np.mean(busy))
     recording = dict(summary["recording"])
     return Viewed(

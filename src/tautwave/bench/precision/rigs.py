@@ -173,10 +173,10 @@ def rig_scene(
         for value in values:
             substeps = 1 if adaptive else int(value)
             made = with_scheme(job, scheme, substeps, float(value) if adaptive else 0.0)
-            found = run_job(made, kernel, rounds)
+            outcome = run_job(made, kernel, rounds)
             step = float(value) if adaptive else rig.period_s / substeps
-            error = rig_errors(job, found.rows, oracle)
-            points.append(Point(scene.name, name, step, *error, found.cpu_s, adaptive))
+            error = rig_errors(job, outcome.rows, oracle)
+            points.append(Point(scene.name, name, step, *error, outcome.cpu_s, adaptive))
     chosen, why = _chosen(scene, rig, oracle, kernel, max_error, duration_s, rounds)
     what = (
         f"{scene.path.name} for {duration_s:g} s without encoder steps and Coulomb friction, all "
@@ -204,9 +204,9 @@ def _chosen(
     job = pack_rig(auto, duration_s)
     moved = [n for n, d in zip(job.axes, job.devices, strict=True) if d.kind in MOVED]
     made = axis_integration(auto, moved[-1])
-    found = run_job(job, kernel, rounds)
+    outcome = run_job(job, kernel, rounds)
     step = rig.period_s
     if made.foam is not None:
         step = rig.period_s / made.foam.substeps
-    error = rig_errors(job, found.rows, oracle)
-    return Point(scene.name, made.scheme, step, *error, found.cpu_s), made.why
+    error = rig_errors(job, outcome.rows, oracle)
+    return Point(scene.name, made.scheme, step, *error, outcome.cpu_s), made.why

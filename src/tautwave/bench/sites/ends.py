@@ -77,9 +77,9 @@ class End:
     def take_sealed(self, times: Histogram) -> None:
         """Open and read packets; count how long they were under way."""
         for payload, _ in self._port.receive(32):
-            found = read_packet(payload, self._side)
-            if isinstance(found, Packet):
-                times.add(time.monotonic_ns() - found.clock_ns)
+            packet = read_packet(payload, self._side)
+            if isinstance(packet, Packet):
+                times.add(time.monotonic_ns() - packet.clock_ns)
 
     def take_bare(self, times: Histogram) -> None:
         """Take bare datagrams; count how long they were under way."""

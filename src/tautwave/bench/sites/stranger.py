@@ -25,15 +25,15 @@ def hostile_datagrams(session: bytes) -> list[bytes]:
     source = random.Random(1)
     forger = Sealer(secrets.token_bytes(SECRET_BYTES), session, "master")
     old = Sealer(secrets.token_bytes(SECRET_BYTES), secrets.token_bytes(SESSION_BYTES), "master")
-    found = []
+    datagrams = []
     for k in range(POOL):
         datagram = (old if k % 4 == 0 else forger).seal(source.randbytes(145 - OVERHEAD))
         if k % 4 == 1:
             datagram = datagram[: source.randrange(len(datagram))]
         elif k % 4 == 2:
             datagram = source.randbytes(len(datagram))
-        found.append(datagram)
-    return found
+        datagrams.append(datagram)
+    return datagrams
 
 
 def main() -> int:
