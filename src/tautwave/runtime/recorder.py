@@ -201,11 +201,11 @@ class Recorder:
         if self._live is None or self.writer_pid is None:
             return
         rate_hz = float(self._metadata["rate_hz"])
-        found = Live(
+        live = Live(
             self.writer_pid, order.descriptor, self.columns, order.rows, rate_hz, {**self._live}
         )
         with contextlib.suppress(WritingError):
-            write_text(self._live_path, found.text())
+            write_text(self._live_path, live.text())
 
     def _finish(self) -> str | None:
         shared = self._ring.words

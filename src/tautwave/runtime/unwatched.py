@@ -25,7 +25,7 @@ class LeftDevices(Protocol):
 
 def warning(buses: Sequence[LoopBus], warn: Callable[[str], None]) -> Callable[[], None]:
     """Return a function that warns of devices of open buses that no watchdog stops, each once."""
-    said: set[str] = set()
+    warned: set[str] = set()
 
     def say() -> None:
         for bus in buses:
@@ -34,8 +34,8 @@ def warning(buses: Sequence[LoopBus], warn: Callable[[str], None]) -> Callable[[
                     f"UNWATCHED: {name} {does}; if this program stops, only the emergency "
                     "stop ends its torque: keep a hand on it"
                 )
-                if sentence not in said:
-                    said.add(sentence)
+                if sentence not in warned:
+                    warned.add(sentence)
                     warn(sentence)
 
     return say

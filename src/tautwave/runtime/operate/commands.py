@@ -164,7 +164,7 @@ class Lines:
         """Return the commands of complete lines."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._rest = self._rest[-LONGEST:]
-        found = []
+        orders = []
         for line in lines:
             text = line.decode("utf-8", "replace").strip()
             source = self._source
@@ -172,8 +172,8 @@ class Lines:
                 source, _, text = text.partition(" ")
             word, _, argument = text.strip().partition(" ")
             if word:
-                found.append(Order(word, argument.strip(), source[:16]))
-        return found
+                orders.append(Order(word, argument.strip(), source[:16]))
+        return orders
 
 
 def timed_lines(text: str) -> Iterator[tuple[int, str, float, str]]:
@@ -201,7 +201,7 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
     ConfigError
         A line is wrong; every mistake with its line.
     """
-    found, problems = [], []
+    orders, problems = [], []
     for number, line, seconds, rest in timed_lines(text):
         word, _, argument = rest.partition(" ")
         if not 0.0 <= seconds < 1e6 or word not in (*WORDS, *ENDINGS, LEAD):
@@ -210,8 +210,8 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
                 f"{', '.join((*WORDS, *ENDINGS))} (got {line[:40]!r})"
             )
             continue
-        found.append((round(seconds * 1e9), Order(word, argument.strip(), "script")))
-    if len(problems) > 1 and not found:  # another kind of file
+        orders.append((round(seconds * 1e9), Order(word, argument.strip(), "script")))
+    if len(problems) > 1 and not orders:  # another kind of file
         number, line, *_ = next(timed_lines(text))
         raise ConfigError(
             f"{name}: contains no line TIME COMMAND, such as `1.5 engage` (line {number} is "
@@ -219,4 +219,4 @@ def read_script(text: str, name: str) -> list[tuple[int, Order]]:
         )
     if problems:
         raise ConfigError(problems)
-    return found
+    return orders

@@ -48,17 +48,17 @@ class Kept:
     def take(self, now_ns: int) -> Sequence[Order]:
         """Return the commands that have come; `held` and `loose` are none."""
         self._held = True
-        found = []
+        orders = []
         for order in self._source.take(now_ns):
             if order.word == HELD:
                 self._until_ns, self.name = now_ns + HELD_NS, order.source
             elif order.word == LOOSE:
                 self._until_ns = min(self._until_ns, now_ns)
             else:
-                found.append(order)
+                orders.append(order)
         if 0 <= self._until_ns <= now_ns:
             self._until_ns, self._held = -1, False
-        return found
+        return orders
 
 
 class Mailbox:

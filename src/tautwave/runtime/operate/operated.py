@@ -299,14 +299,14 @@ class OperatedControl(CoupledControl):
             code = guard_axis(limit, s.position, s.velocity)
             if code and s.valid:
                 low, high = limit.position_low, limit.position_high
-                found = {
+                guards = {
                     1: f"outside its position range, {low:.4g} to {high:.4g} {name.unit}: move it "
                     "back by hand",
                     2: f"faster than its velocity limit, {limit.velocity:.4g} {name.unit}/s",
                 }
                 where = f"{s.position:.4g} {name.unit}"
                 self._event(
-                    st.FAULT, f"{name.name}: at {where}, {found.get(code, 'position not finite')}"
+                    st.FAULT, f"{name.name}: at {where}, {guards.get(code, 'position not finite')}"
                 )
                 return
 

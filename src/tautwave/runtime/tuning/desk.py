@@ -46,13 +46,13 @@ class ParameterPage:
 
     def take(self) -> Sequence[float] | None:
         """Return a new set, None without one; never waits."""
-        found = self._word[0]
-        if found == self.generation or found % 2:
+        word = self._word[0]
+        if word == self.generation or word % 2:
             return None
         values = self._values.tolist()
-        if self._word[0] != found:
+        if self._word[0] != word:
             return None
-        self.generation = found
+        self.generation = word
         return values
 
     def close(self) -> None:

@@ -61,9 +61,9 @@ class Tuning:
         at += 1
         for place, value in enumerate(self._values):
             row[at + place] = value
-        found = self.desk.take()
-        if found is not None:
-            self._accept(found, cast("Sequence[float]", row)[0])
+        values = self.desk.take()
+        if values is not None:
+            self._accept(values, cast("Sequence[float]", row)[0])
         if self._busy:
             self._turn()
 
