@@ -43,8 +43,8 @@ def greatest_spectrum(autocorrelation: tuple[float, ...] | None) -> float:
     """
     if autocorrelation is None:
         return LAGS + 1.0
-    found = max(spectrum(autocorrelation, theta) for theta in _looked_at(autocorrelation))
-    return min(found / math.cos(0.5 * math.pi / POINTS), len(autocorrelation) + 1.0)
+    greatest = max(spectrum(autocorrelation, theta) for theta in _looked_at(autocorrelation))
+    return min(greatest / math.cos(0.5 * math.pi / POINTS), len(autocorrelation) + 1.0)
 
 
 def _looked_at(autocorrelation: tuple[float, ...]) -> list[float]:

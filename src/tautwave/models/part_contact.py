@@ -106,13 +106,13 @@ def _movement(
 
 def _kink_between(part: PartContact, x: float, u: float) -> float:
     """Return the first kink strictly between x and x + u, NaN without one."""
-    found = math.nan
+    first = math.nan
     for kink in part.kinks:
         ahead = kink - x
         inside = 0.0 < ahead < u or u < ahead < 0.0
-        if inside and not math.fabs(found - x) <= math.fabs(ahead):
-            found = kink
-    return found
+        if inside and not math.fabs(first - x) <= math.fabs(ahead):
+            first = kink
+    return first
 
 
 def part_step(

@@ -18,25 +18,25 @@ def speeds_under_friction(
     count = len(right)
     for _ in range(4 * count):
         moving = [i for i in range(count) if coulomb[i] == 0.0 or signs[i] != 0.0]
-        found = _solve(matrix, [right[i] - coulomb[i] * signs[i] for i in range(count)], moving)
+        speeds = _solve(matrix, [right[i] - coulomb[i] * signs[i] for i in range(count)], moving)
         again = False
         for i in range(count):
             if coulomb[i] == 0.0:
                 continue
             if signs[i] != 0.0:
-                if found[i] * signs[i] < 0.0:
+                if speeds[i] * signs[i] < 0.0:
                     signs[i] = 0.0
                     again = True
             else:
                 pull = right[i]
                 for j in moving:
-                    pull -= matrix[i * count + j] * found[j]
+                    pull -= matrix[i * count + j] * speeds[j]
                 if abs(pull) > coulomb[i]:
                     signs[i] = math.copysign(1.0, pull)
                     again = True
         if not again:
             break
-    return found
+    return speeds
 
 
 def _solve(matrix: list[float], right: list[float], moving: list[int]) -> list[float]:
@@ -51,11 +51,11 @@ def _solve(matrix: list[float], right: list[float], moving: list[int]) -> list[f
             factor = row[k] / top[k]
             for j in range(k + 1, size + 1):
                 row[j] -= factor * top[j]
-    found = [0.0] * count
+    solution = [0.0] * count
     for k in range(size - 1, -1, -1):
         row = rows[k]
         value = row[size]
         for j in range(k + 1, size):
-            value -= row[j] * found[moving[j]]
-        found[moving[k]] = value / row[k]
-    return found
+            value -= row[j] * solution[moving[j]]
+        solution[moving[k]] = value / row[k]
+    return solution
