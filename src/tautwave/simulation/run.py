@@ -191,5 +191,5 @@ def _outcome(tables: Tables) -> RunState:
     outcomes = tables.outcomes
     if isinstance(outcomes, np.ndarray):
         outcomes = outcomes.view(np.recarray)  # its records have attributes
-    found: RunState = outcomes[0]
-    return found
+    outcome: RunState = outcomes[0]
+    return outcome

@@ -147,7 +147,7 @@ class Stepper:
         """Return what a program gives of axes outside as numbers; refuse what is none."""
         if not isinstance(given, Mapping):
             raise ConfigError(f"step: a mapping from axes to {unit} (got {type(given).__name__})")
-        found = {}
+        numbers = {}
         for name, value in given.items():
             if name not in self._worlds:
                 raise ConfigError(
@@ -159,8 +159,8 @@ class Stepper:
                 number = np.nan
             if not np.isfinite(number):
                 raise ConfigError(f"step: {name}: one finite number of {unit} (got {value!r})")
-            found[name] = number
-        return found
+            numbers[name] = number
+        return numbers
 
     @property
     def rows(self) -> Simulation:

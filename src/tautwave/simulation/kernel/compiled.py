@@ -66,11 +66,11 @@ RARE = ("start", "engage", "move", "brake")
 
 def source_modules() -> tuple[ModuleType, ...]:
     """Return every module that the kernel may be made of: all laws, all models, and itself."""
-    found = []
+    modules = []
     for package in (tautwave.laws, tautwave.models):
         below = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
-        found += [importlib.import_module(name) for name in sorted(info.name for info in below)]
-    return (*found, *KERNEL_MODULES)
+        modules += [importlib.import_module(name) for name in sorted(info.name for info in below)]
+    return (*modules, *KERNEL_MODULES)
 
 
 def source_hash(law: Law = ALONE, more: Modules = ()) -> str:
@@ -93,16 +93,16 @@ def source_hash(law: Law = ALONE, more: Modules = ()) -> str:
 
 def behind(functions: Iterable[Callable[..., Any]]) -> list[Callable[..., Any]]:
     """Return functions and all that they call by a global name of theirs, in the order found."""
-    found: dict[Callable[..., Any], None] = {}
+    reached: dict[Callable[..., Any], None] = {}
     waiting = list(functions)
     while waiting:
         function = waiting.pop()
-        if function in found or not inspect.isfunction(function):
+        if function in reached or not inspect.isfunction(function):
             continue
-        found[function] = None
+        reached[function] = None
         named = (function.__globals__.get(name) for name in function.__code__.co_names)
         waiting += [one for one in named if inspect.isfunction(one)]
-    return list(found)
+    return list(reached)
 
 
 def cache_directory(law: Law = ALONE, more: Modules = ()) -> Path:

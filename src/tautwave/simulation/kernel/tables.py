@@ -145,8 +145,8 @@ class Fields:
 
     def __getattr__(self, name: str) -> Any:
         """Return a field: a number, or the fields of a record in it."""
-        found = self._record[name]
-        return Fields(found) if isinstance(found, np.void) else found.item()
+        value = self._record[name]
+        return Fields(value) if isinstance(value, np.void) else value.item()
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Write a field."""
