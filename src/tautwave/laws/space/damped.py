@@ -100,16 +100,16 @@ def damped_inverse(
     diagonalise(matrix, axes, m)
     least = min([matrix[i * m + i] for i in range(m)])
     gains = [1.0 / max(matrix[i * m + i], floor * floor) for i in range(m)]
-    found = [0.0] * (m * m)
+    inverse = [0.0] * (m * m)
     for i in range(m):
         for j in range(i, m):
             total = 0.0
             for k in range(m):
                 total = total + axes[i * m + k] * gains[k] * axes[j * m + k]
             total = total * scales[i] * scales[j]
-            found[i * m + j] = total
-            found[j * m + i] = total
-    return found, math.sqrt(max(least, 0.0))
+            inverse[i * m + j] = total
+            inverse[j * m + i] = total
+    return inverse, math.sqrt(max(least, 0.0))
 
 
 def room_for(given: float, gift: float, reserve: float) -> float:

@@ -93,7 +93,7 @@ def first_hit(
     my = py + 0.5 * dy
     mz = pz + 0.5 * dz
     best = 1.0
-    found = -1
+    hit = -1
     for k in range(0, len(n), SIZE):
         far = half + n[k + 15] + CLEAR
         ex = n[k + 12] - mx
@@ -124,5 +124,5 @@ def first_hit(
         b = (rv * uu - ru * uv) / area
         if a >= -EDGE and b >= -EDGE and a + b <= 1.0 + EDGE:
             best = share
-            found = k
-    return best, found
+            hit = k
+    return best, hit
