@@ -21,8 +21,8 @@ def slotted(value: T) -> T:
 
     They are read by name. A kind with properties or methods of its own stays as it is.
     """
-    found: Any = type(value)
-    kind = _kind_of(found)
+    slotted_class: Any = type(value)
+    kind = _kind_of(slotted_class)
     if kind is None:
         return value
     made = kind()
