@@ -28,10 +28,10 @@ from tautwave.wording import CouplingMessages
 
 def numbers(constants: Any) -> dict[str, float]:
     """Return the numbers of nested constants by their names; inner ones win."""
-    found: dict[str, float] = {}
+    by_name: dict[str, float] = {}
     for name, value in constants._asdict().items():
-        found |= numbers(value) if isinstance(value, tuple) else {name: float(value)}
-    return found
+        by_name |= numbers(value) if isinstance(value, tuple) else {name: float(value)}
+    return by_name
 
 
 class CouplingBench(NamedTuple):
@@ -44,10 +44,10 @@ class CouplingBench(NamedTuple):
     def block(self, **more: Any) -> Coupling:
         """Return the keys of a coupling of one pair; `more` are keys of that pair."""
         pairs = {"wrist": {**self.pair, **more}}
-        found: Coupling = load_named(self.plugin.keys).model_validate(
+        block: Coupling = load_named(self.plugin.keys).model_validate(
             {"law": self.law, "pairs": pairs}
         )
-        return found
+        return block
 
 
 class CouplingContract:
