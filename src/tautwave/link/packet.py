@@ -124,16 +124,16 @@ def read_packet(data: bytes, site: int) -> Packet | Refusal:
     lines, repeated = data[2], data[3]
     if lines == 0 or len(data) != packet_size(lines, repeated) or len(data) > MAX_BYTES:
         return Refusal.LENGTH
-    found = layout(lines, repeated).unpack(data)
-    _, sender, _, _, zero, slot, clock_ns, echo_ns, held_ns = found[:FIELDS]
+    fields = layout(lines, repeated).unpack(data)
+    _, sender, _, _, zero, slot, clock_ns, echo_ns, held_ns = fields[:FIELDS]
     if sender == site:
         return Refusal.SITE
-    if zero or sender > 1 or repeated > slot or max(slot, *found[FIELDS:]) >= SPAN:
+    if zero or sender > 1 or repeated > slot or max(slot, *fields[FIELDS:]) >= SPAN:
         return Refusal.RANGE
-    each = (len(found) - FIELDS) // lines
+    each = (len(fields) - FIELDS) // lines
     read = []
-    for at in range(FIELDS, len(found), each):
+    for at in range(FIELDS, len(fields), each):
         to = at + each
-        pairs = tuple(zip(found[at + 2 : to : 2], found[at + 3 : to : 2], strict=True))
-        read.append(Line(found[at], found[at + 1], pairs))
+        pairs = tuple(zip(fields[at + 2 : to : 2], fields[at + 3 : to : 2], strict=True))
+        read.append(Line(fields[at], fields[at + 1], pairs))
     return Packet(sender, slot, clock_ns, echo_ns, held_ns, tuple(read))

@@ -29,7 +29,7 @@ def parse_trace(text: str, name: str) -> list[float]:
     lines = text.splitlines()
     if not lines or lines[0].strip() != HEADER:
         raise ConfigError(f"{name}: the first line of a trace is {HEADER}")
-    found: list[float] = []
+    pairs: list[float] = []
     for number, line in enumerate(lines[1:], 2):
         try:
             at, delay, lost = (float(part) for part in line.split(","))
@@ -40,12 +40,12 @@ def parse_trace(text: str, name: str) -> list[float]:
                 f"{name}:{number}: a time is {LATEST_S:.0e} s at most, a delay 0 to 60 s, and lost "
                 f"0 or 1 (got {line.strip()[:80]})"
             )
-        if found and round(1e9 * at) <= found[-2]:
+        if pairs and round(1e9 * at) <= pairs[-2]:
             raise ConfigError(f"{name}:{number}: times must increase")
-        found += [round(1e9 * at), LOST if lost else round(1e9 * delay)]
-    if len(found) < 4:
+        pairs += [round(1e9 * at), LOST if lost else round(1e9 * delay)]
+    if len(pairs) < 4:
         raise ConfigError(f"{name}: a trace needs at least two packets")
-    return found
+    return pairs
 
 
 def replayed(table: Sequence[float], at: int, count: int, now_ns: int) -> int:
