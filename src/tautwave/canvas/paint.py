@@ -74,12 +74,12 @@ def svg(figure: Figure, name: str, title: str = "") -> str:
     raw = re.sub(r">\s+<", "><", raw)
     head = raw.index(">") + 1
     box = re.search(r'viewBox="([^"]*)"', raw[:head])
-    said = escape(title or name)
+    label = escape(title or name)
     # The namespaces are only names; nothing is fetched from them.
     start = (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
         f'viewBox="{box[1] if box else ""}" role="img" stroke-linejoin="round">'
-        f"<title>{said}</title>"
+        f"<title>{label}</title>"
     )
     return start + raw[head:].strip()
 

@@ -270,8 +270,8 @@ class _Layout:
         if self.style.titled and self.sheet.title:
             letters = _letters(self.style, 1.2, "bold")
             lines = _wrapped(figure, self.sheet.title, letters, width - em)
-            said = {"fontproperties": letters}
-            self.texts.append(("\n".join(lines), self.top, said))
+            text_style = {"fontproperties": letters}
+            self.texts.append(("\n".join(lines), self.top, text_style))
             self.top += 1.7 * em * len(lines)
         common = self._common() if self.sheet.key else None
         key_top = self.top
