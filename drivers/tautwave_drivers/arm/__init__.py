@@ -31,10 +31,10 @@ def _make(options: ArmOptions, bus: BusSpec, clock: Clock, transport: Any) -> Dr
 
 def _budget(options: ArmOptions, bus: BusSpec) -> Budget:
     plugin = load_driver(options.bus.driver)
-    found: Budget = plugin.budget(
+    budget: Budget = plugin.budget(
         plugin.options.model_validate(options.bus.options), joint_bus(options, bus)
     )
-    return found
+    return budget
 
 
 def _facts(options: ArmOptions, bus: BusSpec) -> Sequence[AxisFacts]:
@@ -45,8 +45,8 @@ def _facts(options: ArmOptions, bus: BusSpec) -> Sequence[AxisFacts]:
 def _endpoint(options: ArmOptions) -> Endpoint:
     plugin = load_driver(options.bus.driver)
     if plugin.endpoint is not None:
-        found: Endpoint = plugin.endpoint(plugin.options.model_validate(options.bus.options))
-        return found
+        endpoint: Endpoint = plugin.endpoint(plugin.options.model_validate(options.bus.options))
+        return endpoint
     return Endpoint("real" if plugin.hardware else "none")
 
 

@@ -69,10 +69,10 @@ class JointsBehind(DriverWrapper):
 
     def faults(self) -> Sequence[Fault]:
         """Return the joints' faults since the last call, and what a joint did beyond its limits."""
-        found, self._faults = self._faults, []
+        reported, self._faults = self._faults, []
         own = self._driver.faults()
         self._dead.update(fault.axis for fault in own if fault.fatal and fault.axis)
-        return [*own, *found]
+        return [*own, *reported]
 
     def _sampled(self, deadline_ns: int) -> tuple[Sequence[JointState], int]:
         """Return the joints' samples, and how many slots passed since they were last read."""

@@ -67,10 +67,10 @@ def arm_elements(
     believed = [axes[axis.name] for axis in bus.axes]
     spent = period * (1.0 + 2.0 * late)
     sampled = _sample(options, bus, which, believed, spent)
-    found = [*_joints(options, bus, sampled, spent)]
-    found.append(_tip(options, bus, which, sampled))
-    found += [_wall(name, bus, wall, options, sampled) for name, wall in options.walls.items()]
-    return found
+    elements = [*_joints(options, bus, sampled, spent)]
+    elements.append(_tip(options, bus, which, sampled))
+    elements += [_wall(name, bus, wall, options, sampled) for name, wall in options.walls.items()]
+    return elements
 
 
 def _sample(
@@ -170,7 +170,7 @@ def _greatest(matrix: Any) -> float:
 def _joints(
     options: ArmOptions, bus: BusSpec, sampled: Sampled, spent: float
 ) -> Sequence[BusElement]:
-    found = []
+    elements = []
     kinds = options.kinds()
     for j, (name, joint) in enumerate(options.joints.items()):
         rotary = kinds[j] == "rotary"
@@ -188,7 +188,7 @@ def _joints(
             sentence += "; raise rate_hz, lower the effort_limit of the axes, or add friction"
         elif asked > joint.effort_limit:
             sentence += "; lower the effort_limit of the axes, or narrow the joints' ranges"
-        found.append(
+        elements.append(
             BusElement(
                 f"joint {name} of {bus.name}",
                 "joint",
@@ -200,7 +200,7 @@ def _joints(
                 joint.damping_lower - needed,
             )
         )
-    return found
+    return elements
 
 
 def _tip(options: ArmOptions, bus: BusSpec, which: Sequence[int], sampled: Sampled) -> BusElement:
