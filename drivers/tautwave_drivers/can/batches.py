@@ -21,15 +21,15 @@ def send_each(port: FramePort, frames: Sequence[tuple[int, bytes]]) -> int:
 
 def sending(port: FramePort) -> Callable[[Sequence[tuple[int, bytes]]], int]:
     """Return what sends several frames of a port and returns how many went out."""
-    found: Callable[[Sequence[tuple[int, bytes]]], int] | None = getattr(port, "send_all", None)
-    return found if found is not None else lambda frames: send_each(port, frames)
+    send_all: Callable[[Sequence[tuple[int, bytes]]], int] | None = getattr(port, "send_all", None)
+    return send_all if send_all is not None else lambda frames: send_each(port, frames)
 
 
 def receiving(port: FramePort) -> Callable[[int], Sequence[Frame]]:
     """Return what gives frames that have arrived at a port, a number of them at most."""
-    found: Callable[[int], Sequence[Frame]] | None = getattr(port, "receive_some", None)
-    if found is not None:
-        return found
+    receive_some: Callable[[int], Sequence[Frame]] | None = getattr(port, "receive_some", None)
+    if receive_some is not None:
+        return receive_some
 
     def one(most: int) -> Sequence[Frame]:
         frame = port.receive()

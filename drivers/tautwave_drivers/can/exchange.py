@@ -144,8 +144,8 @@ class Exchange:
 
     def reports(self) -> list[str]:
         """Return what was reported since the last call."""
-        found, self.told = self.told, []
-        return found
+        reported, self.told = self.told, []
+        return reported
 
     def strange(self, can_id: int, data: bytes) -> None:
         """Take a frame of an unknown id: report an error frame, or take the bus for lost."""

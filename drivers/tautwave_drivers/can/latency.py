@@ -74,8 +74,8 @@ def latency_s(options: CanKeys) -> float:
         return USB_S
     port = adapter_of(options.channel.partition("@")[0])  # slcan: PORT@BAUD
     if port.kind == "ftdi":
-        found = port.found_s
-        return UNSET_TIMER_S if found is None else max(found, USB_S)
+        measured = port.found_s
+        return UNSET_TIMER_S if measured is None else max(measured, USB_S)
     return port.latency_s
 
 

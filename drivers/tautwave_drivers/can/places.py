@@ -14,14 +14,14 @@ ARPHRD_CAN = "280"
 
 def can_places() -> Sequence[Mapping[str, Any]]:
     """Return interface and channel of every CAN interface of this machine."""
-    found = []
+    places = []
     for net in sorted(NETS.glob("*")):
         try:
             if (net / "type").read_text().strip() == ARPHRD_CAN:
-                found.append({"interface": "socketcan", "channel": net.name})
+                places.append({"interface": "socketcan", "channel": net.name})
         except OSError:
             continue  # it has gone meanwhile
-    return found
+    return places
 
 
 def can_endpoint(options: Any) -> Endpoint:

@@ -150,15 +150,15 @@ class RawPort:
 
     def receive(self) -> tuple[int, bytes, int] | None:
         """Return the oldest frame as id, data and arrival [ns], None if there is none."""
-        found = self.receive_some(1)
-        return found[0] if found else None
+        frames = self.receive_some(1)
+        return frames[0] if frames else None
 
     def receive_some(self, most: int) -> list[tuple[int, bytes, int]]:
         """Return what has arrived, oldest first, `most` frames at most."""
         recv, now_ns, others, fd = self._recv, self._now_ns, self._others, self._fd
-        found: list[tuple[int, bytes, int]] = []
+        frames: list[tuple[int, bytes, int]] = []
         try:
-            while len(found) < most:
+            while len(frames) < most:
                 got = recv(_FD_MTU)
                 if len(got) == _MTU:
                     can_id, size, data = _UNPACK(got)
@@ -173,13 +173,13 @@ class RawPort:
                 else:
                     continue
                 if not can_id & others:
-                    found.append((can_id, data, now_ns()))
+                    frames.append((can_id, data, now_ns()))
         except BlockingIOError:
             pass
         except OSError as err:
-            if not found:  # else the next call says it
+            if not frames:  # else the next call says it
                 raise gone(self._where, err) from err
-        return found
+        return frames
 
     def listen(self, ids: Collection[int]) -> None:
         """Take these ids only from now on, and error frames."""
