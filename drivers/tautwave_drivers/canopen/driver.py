@@ -274,22 +274,22 @@ class CanopenDriver(DriverBase):
 
     def faults(self) -> Sequence[Fault]:
         """Return the reports since the last call: EMCY, heartbeats, states, the bus itself."""
-        found = self._health.faults
+        faults = self._health.faults
         for axis in self._axes:
             if axis.errors:
-                found = [*found, *axis.errors]
+                faults = [*faults, *axis.errors]
                 axis.errors.clear()
-        if not found:
+        if not faults:
             return ()
         self._health.faults = []
-        return found
+        return faults
 
     @property
     def misses(self) -> dict[str, str]:
         """Return what kept samples away, by axis: a full transmit queue, or TPDOs too short."""
         full = self._health.queue.kept_away()
-        found = {axis.spec.name: full or axis.too_short() for axis in self._axes if not axis.fresh}
-        return {name: why for name, why in found.items() if why}
+        causes = {axis.spec.name: full or axis.too_short() for axis in self._axes if not axis.fresh}
+        return {name: why for name, why in causes.items() if why}
 
     def witness(self, name: str) -> tuple[float, float]:
         """Return velocity and motor effort of a drive [SI], read from now on; NaN: not yet."""

@@ -77,11 +77,11 @@ def facts(options: CanopenOptions, bus: BusSpec) -> Sequence[AxisFacts]:
 
 def foreseen(options: CanopenOptions, bus: BusSpec) -> Sequence[str]:
     """Return what a run would say or refuse of drives as their files have them, by axis."""
-    found: dict[str, list[str]] = {}
+    sentences: dict[str, list[str]] = {}
     for axis, node, file in _files(options, bus):
         for sentence in of_file(file, axis, node, options, bus.rate_hz):
-            found.setdefault(sentence, []).append(axis.name)
-    return [f"{', '.join(names)}: {sentence}" for sentence, names in found.items()]
+            sentences.setdefault(sentence, []).append(axis.name)
+    return [f"{', '.join(names)}: {sentence}" for sentence, names in sentences.items()]
 
 
 def of_file(

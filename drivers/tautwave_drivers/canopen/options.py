@@ -220,41 +220,41 @@ def nodes_of(options: CanopenOptions, bus: BusSpec) -> list[Node]:
                 f"{bus.rate_hz:g} Hz is not possible: use sync: true or another rate"
             )
     for axis in bus.axes:
-        found = known.get(axis.device_id)
-        if found is None:
+        keys = known.get(axis.device_id)
+        if keys is None:
             needed = "its rated_torque and counts_per_revolution"
             problems.append(unlisted(bus, axis, "node", known, needed))
-        elif axis.kind == "linear" and found.feed is None:
+        elif axis.kind == "linear" and keys.feed is None:
             problems.append(
-                f"bus {bus.name}: {axis.name} is linear, but node {found.id} has no feed; "
+                f"bus {bus.name}: {axis.name} is linear, but node {keys.id} has no feed; "
                 "set it to the travel per turn of its output [m]"
             )
-        elif axis.kind == "rotary" and found.feed is not None:
+        elif axis.kind == "rotary" and keys.feed is not None:
             problems.append(
-                f"bus {bus.name}: {axis.name} is rotary, but node {found.id} has a feed; "
+                f"bus {bus.name}: {axis.name} is rotary, but node {keys.id} has a feed; "
                 "remove it, or make the axis linear"
             )
-        elif (found.rated_torque_unit == "mA") != (found.torque_constant is not None):
+        elif (keys.rated_torque_unit == "mA") != (keys.torque_constant is not None):
             problems.append(
-                f"bus {bus.name}: node {found.id}: rated_torque_unit: mA and torque_constant "
+                f"bus {bus.name}: node {keys.id}: rated_torque_unit: mA and torque_constant "
                 "[N m/A] go together: 6076h is then a current, compared times that constant; state "
                 "both or none"
             )
-        elif found.dcf_include and found.eds is None:
+        elif keys.dcf_include and keys.eds is None:
             problems.append(
-                f"bus {bus.name}: node {found.id} has dcf_include, but no DCF; state it in eds"
+                f"bus {bus.name}: node {keys.id} has dcf_include, but no DCF; state it in eds"
             )
-        elif found.mapping == "lean" and (found.homing or found.move):
+        elif keys.mapping == "lean" and (keys.homing or keys.move):
             problems.append(
-                f"bus {bus.name}: node {found.id}: homing and move change the mode, "
+                f"bus {bus.name}: node {keys.id}: homing and move change the mode, "
                 "which needs mapping: full"
             )
-        elif problem := _misread(axis, found):
+        elif problem := _misread(axis, keys):
             problems.append(f"bus {bus.name}: {problem}")
-        elif axis.causality == "impedance" and not 1 <= limit_permille(found, axis) < INT16:
+        elif axis.causality == "impedance" and not 1 <= limit_permille(keys, axis) < INT16:
             problems.append(
                 f"bus {bus.name}: {axis.name}: effort_limit {axis.effort_limit:g} is "
-                f"{axis.effort_limit / scale(found, axis).effort_quantum:.3g} per mille of rated; "
+                f"{axis.effort_limit / scale(keys, axis).effort_quantum:.3g} per mille of rated; "
                 "6071h holds 1 to 32766: correct rated_torque, gear_ratio or effort_limit"
             )
     problems += unused(bus, "node", known)

@@ -129,8 +129,8 @@ def _row(
         return None
 
     def hexed(entry: Entry) -> str | None:
-        found = value(entry)
-        return f"0x{found:X}" if isinstance(found, int) else None
+        number = value(entry)
+        return f"0x{number:X}" if isinstance(number, int) else None
 
     row["device"] = value(c.DEVICE_NAME)
     row["vendor"], row["product"] = hexed(c.VENDOR_ID), hexed(c.PRODUCT_CODE)

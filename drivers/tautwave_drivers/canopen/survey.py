@@ -133,12 +133,12 @@ def _notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         (_number(row.get("rated_torque")), _increments(row), _number(row.get("gear_motor")))
         for row in rows
     ]
-    found = [
+    texts = [
         f"{key} is a guess: TODO {how}"
         for (key, how), stated in zip(unknown, zip(*values, strict=True), strict=True)
         if not all(stated)
     ]
-    return [*found, "direction: -1 where the motor turns against the axis. TODO: check each."]
+    return [*texts, "direction: -1 where the motor turns against the axis. TODO: check each."]
 
 
 def _number(value: Any) -> int | None:

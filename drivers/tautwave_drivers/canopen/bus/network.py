@@ -225,8 +225,8 @@ class RemoteDrive:
     @property
     def slow_s(self) -> float | None:
         """How long it may take to respond [s], where it took more than `sdo_timeout_s`."""
-        found: float = self._node.sdo.RESPONSE_TIMEOUT
-        return found if found > self._timeout_s else None
+        timeout_s: float = self._node.sdo.RESPONSE_TIMEOUT
+        return timeout_s if timeout_s > self._timeout_s else None
 
     def lacks(self, entry: Entry) -> bool:
         """Return whether the drive says that it does not have an object."""
@@ -313,10 +313,10 @@ class RemoteDrive:
             if readable and setting.equals(self._upload(entry)):
                 return False
             self._again(entry, lambda: self._node.sdo.download(entry.index, entry.sub, data))
-            found = self._upload(entry) if readable else data
-        if not setting.equals(found):
+            held = self._upload(entry) if readable else data
+        if not setting.equals(held):
             raise DeviceFault(
-                f"{self.name} reads 0x{found[::-1].hex()} at {entry.address} {entry.name} after "
+                f"{self.name} reads 0x{held[::-1].hex()} at {entry.address} {entry.name} after "
                 f"{written} was written"
             )
         self.settings.changed.append(entry)

@@ -74,11 +74,11 @@ def parameters(file: DeviceFile, node_id: int) -> list[Setting]:
     ConfigError
         One cannot be read, or does not fit its type.
     """
-    found = list(file.settings(node_id))
-    problems = [one for one in found if isinstance(one, str)]
+    settings = list(file.settings(node_id))
+    problems = [one for one in settings if isinstance(one, str)]
     if problems:
         raise ConfigError(problems)
-    return [one for one in found if not isinstance(one, str)]
+    return [one for one in settings if not isinstance(one, str)]
 
 
 class Use(NamedTuple):
@@ -127,7 +127,7 @@ def _problems(uses: Sequence[Use]) -> Iterator[str]:
     for name, node, path, identity, include, mode, needed, mappings in uses:
         try:
             file = read_device_file(path)
-            found = parameters(file, node)
+            settings = parameters(file, node)
         except ConfigError as err:
             yield from (f"{name}: {text}" for text in err.problems)
             continue
@@ -149,7 +149,7 @@ def _problems(uses: Sequence[Use]) -> Iterator[str]:
                 f"it to node {node}; export one from that drive, or correct the rig"
             )
         for address in include:
-            taken = [one.object for one in found if is_named(one.object, (address,))]
+            taken = [one.object for one in settings if is_named(one.object, (address,))]
             if not taken:
                 yield (
                     f"{name}: dcf_include names {address}, but {path} has no value for it that can "

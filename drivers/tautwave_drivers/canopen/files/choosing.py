@@ -52,8 +52,8 @@ def why_left_out(one: FileObject) -> str:
     for area, why in LEFT_OUT:
         if index in area or (of_axis in area and area[0] < 0x6200):
             return why
-    found = _NAMES.search(one.name) if index in _MANUFACTURER else None
-    return "" if found is None else f"named {found[0].lower()!r}"
+    match = _NAMES.search(one.name) if index in _MANUFACTURER else None
+    return "" if match is None else f"named {match[0].lower()!r}"
 
 
 class Choice(NamedTuple):

@@ -97,8 +97,8 @@ def unmappable(file: DeviceFile, wanted: Sequence[Entry]) -> Iterator[str]:
     if not any(one.mappable for one in file.objects.values()):
         return
     for entry in wanted:
-        found = file.objects.get((entry.index, entry.sub))
-        if found is not None and found.mappable is False:
+        described = file.objects.get((entry.index, entry.sub))
+        if described is not None and described.mappable is False:
             yield (
                 f"according to its EDS {entry.address} {entry.name} is in no PDO (PDOMapping=0): a "
                 "run tries mapping: lean where that is without it, else it is refused"
@@ -109,8 +109,8 @@ def unwatched(file: DeviceFile) -> str:
     """Return why a drive as in the file would go on when its master stops, '' where it may not."""
 
     def has(entry: Entry) -> bool:
-        found = file.objects.get((entry.index, entry.sub))
-        return found is not None and found.writable
+        described = file.objects.get((entry.index, entry.sub))
+        return described is not None and described.writable
 
     if (o.CONTROLWORD.index, 0) not in file.objects:
         return ""

@@ -76,8 +76,8 @@ class _Section(NamedTuple):
     fields: dict[str, Text]
 
     def get(self, key: str) -> str | None:
-        found = self.fields.get(key)
-        return None if found is None else found.text
+        field = self.fields.get(key)
+        return None if field is None else field.text
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,10 +149,10 @@ class DeviceFile(NamedTuple):
 
     def number(self, entry: Entry, node_id: int | None = None) -> int | None:
         """Return the value of an object as the file has it, else its default, else None."""
-        found = self.objects.get((entry.index, entry.sub))
-        if found is None:
+        one = self.objects.get((entry.index, entry.sub))
+        if one is None:
             return None
-        value = integer(found.value.text if found.value else found.default, node_id)
+        value = integer(one.value.text if one.value else one.default, node_id)
         bits = SIGNED.get(TYPES[entry.type], 0)
         if value is not None and bits and 1 << (bits - 1) <= value < 1 << bits:
             value -= 1 << bits  # two's complement in hexadecimal
@@ -160,11 +160,11 @@ class DeviceFile(NamedTuple):
 
     def unreadable(self, entries: Iterable[Entry]) -> list[str]:
         """Return a sentence with its line for each of these objects whose default is no integer."""
-        found = [self.objects.get((entry.index, entry.sub)) for entry in entries]
+        objects = [self.objects.get((entry.index, entry.sub)) for entry in entries]
         return [
             f"{self.path}:{one.default_line}: {reason}; correct it, or leave it blank if it is "
             "not known"
-            for one in found
+            for one in objects
             if one is not None and (reason := one.unreadable_default())
         ]
 
@@ -271,7 +271,7 @@ def _fields(sections: dict[str, _Section], name: str) -> dict[str, Text]:
 
 def _sections(path: str, text: str, remarks: list[str]) -> dict[str, _Section]:
     """Return the sections by lower-case name; what comes twice counts as it comes last."""
-    found: dict[str, _Section] = {}
+    by_name: dict[str, _Section] = {}
     section: _Section | None = None
     twice: list[str] = []
     odd: list[str] = []
@@ -284,9 +284,9 @@ def _sections(path: str, text: str, remarks: list[str]) -> dict[str, _Section]:
             name = head[1].lower()
             if not (_OBJECT.fullmatch(name) or _LIST.fullmatch(name) or _OTHERS.fullmatch(name)):
                 odd.append(f"[{head[1][:40]}] (line {at})")
-            if name in found:
+            if name in by_name:
                 twice.append(f"[{head[1]}] (line {at})")
-            section = found.setdefault(name, _Section(head[1], at, {}))
+            section = by_name.setdefault(name, _Section(head[1], at, {}))
             continue
         key, given, value = line.partition("=" if "=" in line else ":")
         key = "".join(key.split()).lower()
@@ -312,7 +312,7 @@ def _sections(path: str, text: str, remarks: list[str]) -> dict[str, _Section]:
         if kind:
             more = f" and {len(kind) - 3} more" if len(kind) > 3 else ""
             remarks.append(f"{path}: {', '.join(kind[:3])}{more}: {what}")
-    return found
+    return by_name
 
 
 def _objects(
@@ -337,15 +337,15 @@ def _objects(
                 f"{path}:{section.fields['parametervalue'].line}: a ParameterValue in "
                 f"[{section.name[:40]}], which names no object; correct the name of the section"
             )
-    found: dict[tuple[int, int], FileObject] = {}
+    objects: dict[tuple[int, int], FileObject] = {}
     for index, members in subs.items():
         parent = parents.get(index)
         names, values = (lists.get((index, kind)) for kind in ("name", "value"))
         for one in _members(path, sections, index, parent, members, names, values):
-            found[index, one.sub] = one if dcf or one.value is None else as_default(one)
-        if len(found) > MAX_OBJECTS:
+            objects[index, one.sub] = one if dcf or one.value is None else as_default(one)
+        if len(objects) > MAX_OBJECTS:
             raise ConfigError(f"{path}: more than {MAX_OBJECTS} objects, so no drive's file")
-    return found
+    return objects
 
 
 def as_default(one: FileObject) -> FileObject:
@@ -397,8 +397,10 @@ def _members(
 def _is_count(parent: _Section, members: _Section | None) -> bool:
     """Return whether an object's value is how many sub-objects it has, as sub-index 0 says too."""
     count = integer(parent.get("parametervalue"))
-    said = None if members is None else members.get("parametervalue") or members.get("defaultvalue")
-    return count is not None and count == integer(said)
+    value = (
+        None if members is None else members.get("parametervalue") or members.get("defaultvalue")
+    )
+    return count is not None and count == integer(value)
 
 
 def _listed(path: str, section: _Section | None) -> Iterator[tuple[int, Text]]:

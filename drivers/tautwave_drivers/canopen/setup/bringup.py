@@ -210,8 +210,8 @@ def _dcf(drive: RemoteDrive, axis: Axis) -> list[str]:
     if axis.node.eds is None:
         return []
     file = read_device_file(axis.node.eds)
-    found = {name: drive.find(entry) for name, (entry, _) in IDENTITY.items()}
-    if problem := of_another(file, found, "it has"):
+    identity = {name: drive.find(entry) for name, (entry, _) in IDENTITY.items()}
+    if problem := of_another(file, identity, "it has"):
         raise DeviceFault(f"{drive.name}: {problem}")
     choice = choose(parameters(file, drive.node_id), axis.node.dcf_include)
     written = sum(drive.write_setting(one) for one in choice.written)

@@ -175,12 +175,12 @@ def _polarity(read: Read, axis: Axis) -> Verdict:
 
 
 def _home_offset(read: Read, axis: Axis) -> Verdict:
-    held, said = read[o.HOME_OFFSET], axis.node.home_offset
-    if held is None or held == said:
+    held, wanted = read[o.HOME_OFFSET], axis.node.home_offset
+    if held is None or held == wanted:
         return Verdict()
     return Verdict(
-        f"the rig states home_offset {said}; state home_offset: {held} in its node if the zero of "
-        f"the drive is meant, or set it to {said} {TOOL}"
+        f"the rig states home_offset {wanted}; state home_offset: {held} in its node if the zero "
+        f"of the drive is meant, or set it to {wanted} {TOOL}"
     )
 
 
@@ -234,8 +234,8 @@ def _si_unit(read: Read) -> float | None:
 
 
 def _differs(counts: float, axis: Axis) -> bool:
-    said = axis.node.counts_per_revolution
-    return not math.isclose(counts, said, rel_tol=RATIO_TOLERANCE)
+    stated = axis.node.counts_per_revolution
+    return not math.isclose(counts, stated, rel_tol=RATIO_TOLERANCE)
 
 
 def _state(counts: float) -> str:
@@ -299,30 +299,34 @@ def _factors(read: Read, axis: Axis) -> Verdict:
             f"{axis.node.counts_per_revolution}; set them {TOOL} so that one unit is one encoder "
             f"increment{state}"
         )
-    said = axis.node.counts_per_revolution
-    return Verdict(note=f": 6091 and 6092 give {said} position units per motor turn, as in the rig")
+    in_rig = axis.node.counts_per_revolution
+    return Verdict(
+        note=f": 6091 and 6092 give {in_rig} position units per motor turn, as in the rig"
+    )
 
 
 def _encoder(read: Read, axis: Axis) -> Verdict:
     increments = _ratio(read, o.ENCODER_INCREMENTS, o.ENCODER_REVOLUTIONS)
-    said = axis.node.counts_per_revolution
+    in_rig = axis.node.counts_per_revolution
     if increments is None or increments == 1.0:  # drives leave 1/1 where they do not say it
         return Verdict()
     if _si_unit(read) is not None or (_feed(read) is not None and _differs(increments, axis)):
-        if increments * (1.0 + RATIO_TOLERANCE) >= said:
-            return Verdict(note=f": 608F has {increments:g} increments for {said} counts per turn")
+        if increments * (1.0 + RATIO_TOLERANCE) >= in_rig:
+            return Verdict(
+                note=f": 608F has {increments:g} increments for {in_rig} counts per turn"
+            )
         return Verdict(
-            f"the encoder has only {increments:g} increments per motor turn for the {said} "
+            f"the encoder has only {increments:g} increments per motor turn for the {in_rig} "
             "position units that the drive makes of them; choose a coarser unit in 60A8h or 6092h"
         )
     if _differs(increments, axis):
         stated = _state(increments)
         state = f"state {stated} in the rig if the motor has that encoder, or " if stated else ""
         return Verdict(
-            f"that makes {increments:g} counts per motor turn, but the rig states {said}; {state}"
+            f"that makes {increments:g} counts per motor turn, but the rig states {in_rig}; {state}"
             f"set 608Fh {TOOL}"
         )
-    return Verdict(note=f": 608F has {said} counts per motor turn, as in the rig")
+    return Verdict(note=f": 608F has {in_rig} counts per motor turn, as in the rig")
 
 
 def _one(numerator: Entry, divisor: Entry, *, velocity: bool) -> Callable[[Read, Axis], Verdict]:
@@ -365,7 +369,7 @@ def _unit_of_velocity(axis: Axis, word: int | None, named: str, increments: str)
     if not word or not uses(axis):
         return Verdict()
     node, quantum = axis.node, axis.scale.encoder_quantum
-    said = axis.scale.velocity_quantum  # at the axis
+    stated = axis.scale.velocity_quantum  # at the axis
     travel = quantum * node.counts_per_revolution  # of it, per motor turn
     unit = velocity_unit(word)
     if is_increments(word):
@@ -378,7 +382,7 @@ def _unit_of_velocity(axis: Axis, word: int | None, named: str, increments: str)
         meant = [unit]
     else:
         meant = [unit * travel / math.tau, unit * travel * node.gear_ratio / math.tau]
-    if not any(math.isclose(said, each, rel_tol=1e-3) for each in meant):
+    if not any(math.isclose(stated, each, rel_tol=1e-3) for each in meant):
         right = " or ".join(f"{each / quantum:.6g}" for each in dict.fromkeys(meant))
         return Verdict(
             f"one unit is {right} counts/s, but the rig states velocity_factor "
@@ -419,23 +423,26 @@ def rated_unit(axis: Axis) -> tuple[str, float]:
 
 
 def _rated_torque(read: Read, axis: Axis) -> Verdict:
-    rated, said = read[o.RATED_TORQUE], axis.node.rated_torque
+    rated, stated = read[o.RATED_TORQUE], axis.node.rated_torque
     if rated is None:
-        return Verdict(note=f" has no 6076:00: rated torque {said:g} N m is not checked")
+        return Verdict(note=f" has no 6076:00: rated torque {stated:g} N m is not checked")
     if rated == 0:
         name, unit = rated_unit(axis)
         return Verdict(
-            f"the drive has no motor data; set it to {round(said / unit)} ({name}, as the "
-            f"rig's rated_torque {said:g} N m) {TOOL}, with the motor's other data"
+            f"the drive has no motor data; set it to {round(stated / unit)} ({name}, as the "
+            f"rig's rated_torque {stated:g} N m) {TOOL}, with the motor's other data"
         )
     name, unit = rated_unit(axis)
-    if abs(rated * unit - said) <= max(0.5 * unit, 1e-3 * said):
-        return Verdict(note=f": 6076:00 rated torque {rated} {name} is {said:g} N m, as in the rig")
+    if abs(rated * unit - stated) <= max(0.5 * unit, 1e-3 * stated):
+        return Verdict(
+            note=f": 6076:00 rated torque {rated} {name} is {stated:g} N m, as in the rig"
+        )
     return Verdict(
-        f"that is {rated * unit:g} N m, counted in {name}, but the rig states {said:g} N m; state "
-        f"rated_torque: {rated * unit:g} in the rig if that is the motor's, or rated_torque_unit "
-        "(mN m, uN m, or mA with the motor's torque_constant) if the drive counts in another, or "
-        f"set 6076h to {round(said / unit)} {TOOL}"
+        f"that is {rated * unit:g} N m, counted in {name}, but the rig states {stated:g} N m; "
+        f"state rated_torque: {rated * unit:g} in the rig if that is the motor's, or "
+        "rated_torque_unit (mN m, uN m, or mA with the motor's torque_constant) if the drive "
+        "counts in another, or "
+        f"set 6076h to {round(stated / unit)} {TOOL}"
     )
 
 
@@ -461,8 +468,8 @@ def _torque_cap(entry: Entry) -> Callable[[Read, Axis], Verdict]:
             return Verdict()
         if held is None:
             unlimited = entry == o.MAX_TORQUE
-            said = f" has no {entry.address}: only this program limits its torque"
-            return Verdict(note=said if unlimited else "")
+            sentence = f" has no {entry.address}: only this program limits its torque"
+            return Verdict(note=sentence if unlimited else "")
         if entry == o.NEGATIVE_TORQUE_LIMIT and (held < 0 or 0x8000 < held < 0xFFFF):
             held = abs(held) if held < 0 else 0x10000 - held  # drives that count it downwards
         if held >= wanted_torque(axis):

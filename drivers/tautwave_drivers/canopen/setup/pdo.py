@@ -104,15 +104,15 @@ def _map(
 def _mapped(drive: RemoteDrive, pdo: PdoEntries) -> list[int]:
     """Return the mapping entries that the drive holds."""
     count = drive.find(pdo.mapped_count) or 0
-    found = [drive.find(pdo.mapped(number)) for number in range(1, min(count, MAX_MAPPED) + 1)]
-    return [word for word in found if word is not None]
+    words = [drive.find(pdo.mapped(number)) for number in range(1, min(count, MAX_MAPPED) + 1)]
+    return [word for word in words if word is not None]
 
 
 def _compare(drive: RemoteDrive, entry: Entry, wanted: int, mask: int = -1) -> None:
-    found = drive.number(entry)
-    if found & mask != wanted & mask:
+    value = drive.number(entry)
+    if value & mask != wanted & mask:
         raise DeviceFault(
-            f"{drive.name} reads 0x{found:X} at {entry.address} {entry.name} after 0x{wanted:X} "
+            f"{drive.name} reads 0x{value:X} at {entry.address} {entry.name} after 0x{wanted:X} "
             "was written: its PDO mapping may be fixed; see its manual"
         )
 
@@ -139,15 +139,15 @@ def silence_others(drive: RemoteDrive, used: Collection[int], named: Collection[
     end = drive.clock.now_ns() + PROBING_NS
     for name, base, make in (("RPDO", 0x1400, rpdo), ("TPDO", 0x1800, tpdo)):
         listed = {index - base + 1 for index in named if 0 < index - base < MAX_PDOS}
-        for number, found in _valid_pdos(drive, make, listed, end):
+        for number, cob_id in _valid_pdos(drive, make, listed, end):
             entry = make(number).cob_id
             try:
-                drive.write(entry, found | COB_ID_INVALID)
+                drive.write(entry, cob_id | COB_ID_INVALID)
             except AbortError as err:
-                if found & _ID_BITS in used:
+                if cob_id & _ID_BITS in used:
                     raise DeviceFault(
                         f"{drive.name}: {entry.address} {name}{number} has the COB-ID "
-                        f"0x{found & _ID_BITS:X}, which has another use on this bus, and cannot "
+                        f"0x{cob_id & _ID_BITS:X}, which has another use on this bus, and cannot "
                         f"be switched off: {err}"
                     ) from err
                 notes.append(f"{drive.name}: {name}{number} stays on: {err}")
@@ -173,15 +173,15 @@ def _valid_pdos(
     for block in range(1, MAX_PDOS, PDOS_OF_AN_AXIS):
         number = block
         while number < block + PDOS_OF_AN_AXIS and drive.clock.now_ns() < end_ns:
-            found = drive.find(make(number).cob_id)
+            cob_id = drive.find(make(number).cob_id)
             listed.discard(number)
-            if found is None:
+            if cob_id is None:
                 break
-            if number > 1 and not found & COB_ID_INVALID:
-                yield number, found
+            if number > 1 and not cob_id & COB_ID_INVALID:
+                yield number, cob_id
             number += 1
     while ahead and drive.clock.now_ns() < end_ns:
         number = ahead.pop()
-        found = drive.find(make(number).cob_id) if number in listed else None
-        if found is not None and number > 1 and not found & COB_ID_INVALID:
-            yield number, found
+        cob_id = drive.find(make(number).cob_id) if number in listed else None
+        if cob_id is not None and number > 1 and not cob_id & COB_ID_INVALID:
+            yield number, cob_id

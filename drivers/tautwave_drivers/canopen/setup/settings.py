@@ -49,10 +49,10 @@ def settle(
     what = f"{entry.address} {entry.name}"
     show = partial(_shown, entry)
     setting = DeviceSetting(entry, what, wanted, lasts, idle=idle, show=show)
-    found = drive.settings.settle(setting)
-    if found.after == wanted:
+    settled = drive.settings.settle(setting)
+    if settled.after == wanted:
         drive.settings.hold(setting)
-    return Outcome(found.after, _text(drive, what, wanted, found, show))
+    return Outcome(settled.after, _text(drive, what, wanted, settled, show))
 
 
 def _text(
@@ -85,9 +85,9 @@ def verify(drive: RemoteDrive) -> None:
     """
     for _ in range(VERIFIED_MOST):
         silences = drive.silences
-        for setting, found in drive.settings.forgotten():
+        for setting, value in drive.settings.forgotten():
             raise DeviceFault(
-                f"{drive.name}: {setting.name} reads {setting.show(found)} instead of "
+                f"{drive.name}: {setting.name} reads {setting.show(value)} instead of "
                 f"{setting.show(setting.wanted)}: it restarted while it was set up or enabled, and "
                 "has forgotten what was set; check its supply, then run again"
             )
@@ -154,10 +154,10 @@ def require(
     DeviceFault
         It holds something else.
     """
-    found = settle(drive, entry, wanted, lasts)
-    if found.value is not None and found.value != wanted:
-        raise DeviceFault(f"{found.text}; {remedy}")
-    return found
+    outcome = settle(drive, entry, wanted, lasts)
+    if outcome.value is not None and outcome.value != wanted:
+        raise DeviceFault(f"{outcome.text}; {remedy}")
+    return outcome
 
 
 def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
@@ -180,19 +180,21 @@ def check_identity(drive: RemoteDrive, axis: Axis) -> list[str]:
         "revision": c.REVISION,
         "serial": c.SERIAL_NUMBER,
     }
-    found = {name: drive.find(entry) for name, entry in entries.items()}
+    identity = {name: drive.find(entry) for name, entry in entries.items()}
     wanted = axis.node.identity
     for name, entry in entries.items():
         value = None if wanted is None else getattr(wanted, name)
-        if value is not None and found[name] != value:
-            shown = "nothing" if found[name] is None else f"0x{found[name]:X}"
+        if value is not None and identity[name] != value:
+            shown = "nothing" if identity[name] is None else f"0x{identity[name]:X}"
             raise DeviceFault(
                 f"{drive.name} is a different device: {entry.address} {entry.name} is {shown}, "
                 f"but the rig expects 0x{value:X}; check the node id, or correct identity in the "
                 "rig"
             )
-    words = ", ".join(f"{name} 0x{value:X}" for name, value in found.items() if value is not None)
-    axis.identity = {name: f"0x{value:X}" for name, value in found.items() if value is not None}
+    words = ", ".join(
+        f"{name} 0x{value:X}" for name, value in identity.items() if value is not None
+    )
+    axis.identity = {name: f"0x{value:X}" for name, value in identity.items() if value is not None}
     software = drive.find_text(c.SOFTWARE_VERSION)
     if software is not None:
         axis.identity["software"] = software
@@ -238,13 +240,13 @@ def set_period(drive: RemoteDrive, bus: BusSpec) -> list[str]:
         notes = [f"{drive.name}: 60C2 = {held[0]} x 10**{held[1]} s, already set"]
     else:
         remedy = "the drive must interpolate at the period of SYNC: use a rate_hz that it supports"
-        found = [
+        outcomes = [
             require(drive, entry, value, remedy)
             for entry, value in zip(
                 (o.INTERPOLATION_INDEX, o.INTERPOLATION_TIME), reversed(wanted), strict=True
             )
         ]
-        notes = [each.text for each in found]
+        notes = [each.text for each in outcomes]
     period = drive.find(c.SYNC_PERIOD)
     if period:
         notes.append(settle(drive, c.SYNC_PERIOD, bus.period_ns // 1000).text)
@@ -260,8 +262,8 @@ def check_sync(drive: RemoteDrive) -> list[str]:
         The drive keeps something else.
     """
     notes = []
-    found = drive.find(c.SYNC_COB_ID)
-    if found is not None and found & (_PRODUCER | 0x7FF) != 0x80:
+    cob_id = drive.find(c.SYNC_COB_ID)
+    if cob_id is not None and cob_id & (_PRODUCER | 0x7FF) != 0x80:
         notes.append(require(drive, c.SYNC_COB_ID, 0x80, "two masters would send SYNC").text)
     if drive.find(c.SYNC_COUNTER):
         remedy = "it would wait for a counter, which this master's SYNC does not have; set it to 0"
@@ -355,10 +357,10 @@ def free_emergencies(drive: RemoteDrive) -> list[str]:
     """Set the EMCY inhibit time (1015h) to 0: an EMCY it delays may be why the drive stops."""
     if not drive.find(c.EMCY_INHIBIT):
         return []
-    found = settle(drive, c.EMCY_INHIBIT, 0, Lasts.LOAN)
-    if not found.value:
-        return [found.text]
+    outcome = settle(drive, c.EMCY_INHIBIT, 0, Lasts.LOAN)
+    if not outcome.value:
+        return [outcome.text]
     return [
-        f"{found.text}; warning: its errors may be reported {found.value * 1e-4:g} s late, or not "
-        "at all: set 1015:00 to 0 with its tool"
+        f"{outcome.text}; warning: its errors may be reported {outcome.value * 1e-4:g} s late, "
+        "or not at all: set 1015:00 to 0 with its tool"
     ]
