@@ -108,16 +108,16 @@ class Bringup:
 
     def _identify(self, servo: Servo) -> None:
         where = self._where(servo)
-        found = self._line.ping(servo.options.id)
-        if found is None:
+        response = self._line.ping(servo.options.id)
+        if response is None:
             raise DriverError(
                 f"{where}: no answer at {self._options.baud} baud; check its power and cable, and "
                 f"its id and baud rate with: tautwave scan dynamixel --port "
                 f"{self._options.port}"
             )
         self._have_it_answer(servo)
-        number = reg.MODEL_NUMBER.decode(found.data)
-        firmware = found.data[2]
+        number = reg.MODEL_NUMBER.decode(response.data)
+        firmware = response.data[2]
         if number != servo.model.number:
             raise DriverError(
                 f"{where}: is a {model_name(number)} (model number {number}), but the rig states "
@@ -353,9 +353,9 @@ class Bringup:
             One has forgotten.
         """
         for servo in servos:
-            for setting, found in self._settings[servo.options.id].forgotten():
+            for setting, value in self._settings[servo.options.id].forgotten():
                 raise DeviceFault(
-                    f"{self._where(servo)}: {setting.name} reads {setting.show(found)} instead of "
+                    f"{self._where(servo)}: {setting.name} reads {setting.show(value)} instead of "
                     f"{setting.show(setting.wanted)}: {AGAIN}"
                 )
 
@@ -383,9 +383,9 @@ class Bringup:
         """
         held = {}
         for block in remembered_blocks(mapped=mapped):
-            found = self._line.read(servo.options.id, block.address, block.size)
-            if found is not None and not found.number and len(found.data) == block.size:
-                held[block] = found.data  # older firmware lacks some
+            response = self._line.read(servo.options.id, block.address, block.size)
+            if response is not None and not response.number and len(response.data) == block.size:
+                held[block] = response.data  # older firmware lacks some
         return held
 
     def mark(self, servo: Servo) -> None:

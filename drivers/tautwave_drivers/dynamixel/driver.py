@@ -302,8 +302,10 @@ class DynamixelDriver(DriverBase):
         if self._port is None:
             return {}
         texts = map(wrong_text, self._exchange.wrong)
-        found = zip(self._axis_of, self._ids, texts, strict=True)
-        return {self._axes[at].axis.name: f"servo {one}: {text}" for at, one, text in found if text}
+        causes = zip(self._axis_of, self._ids, texts, strict=True)
+        return {
+            self._axes[at].axis.name: f"servo {one}: {text}" for at, one, text in causes if text
+        }
 
     # -- every cycle ----------------------------------------------------------------------
 
@@ -408,8 +410,8 @@ class DynamixelDriver(DriverBase):
         """Record the present current of axes that take effort, as effort; NaN: no sample."""
         values = self._exchange.values if self._port is not None and not self._lost else ()
         for place, step in zip(self._torques, self._motor_steps, strict=True):
-            found = values[place] if values else None
-            row[at] = NAN if found is None else found[1] * step
+            current = values[place] if values else None
+            row[at] = NAN if current is None else current[1] * step
             at += 1
 
     # -- afterwards -----------------------------------------------------------------------

@@ -127,8 +127,8 @@ class Enabling:
 
     def _take_in(self) -> None:
         self._buffer += self._port.read()
-        while (found := packet.take_packet(self._buffer)) is not None:
-            self._receive(found)
+        while (response := packet.take_packet(self._buffer)) is not None:
+            self._receive(response)
 
     def _receive(self, found: packet.Packet) -> None:
         servo, armed = self._servos[self._at], self._armed[self._at]

@@ -263,18 +263,18 @@ class Exchange:
     def _take(self, left: int) -> tuple[int, bool]:
         """Sort the complete status packets; return how many are missing, and if the last came."""
         last = False
-        while (found := packet.take_packet(self._buffer, self._longest)) is not None:
-            index = self._index.get(found.device_id)
-            if found.instruction != packet.STATUS or not found.params:
+        while (response := packet.take_packet(self._buffer, self._longest)) is not None:
+            index = self._index.get(response.device_id)
+            if response.instruction != packet.STATUS or not response.params:
                 continue
             if index is None:
                 self._doubtful.update(range(len(self._ids)))
                 continue
-            if len(found.params) == self._size + 1:
-                left -= self._keep(index, found.params)
+            if len(response.params) == self._size + 1:
+                left -= self._keep(index, response.params)
             else:
-                self.refusals[index] = found.error
-            last = found.device_id == self._order[-1]
+                self.refusals[index] = response.error
+            last = response.device_id == self._order[-1]
         return left, last
 
     def _keep(self, index: int, params: bytes) -> bool:

@@ -74,8 +74,8 @@ def leave_again(
         except DriverError as err:
             left |= dict.fromkeys((servo.axis.name for servo in asked), str(err))
         else:
-            found = leave(port, line, b"", asked, watched, marked)
-            left = {name: why for name, why in left.items() if name in found} | found
+            still_on = leave(port, line, b"", asked, watched, marked)
+            left = {name: why for name, why in left.items() if name in still_on} | still_on
         now = clock.now_ns()
         if not left or now + PAUSE_NS >= until:
             return left
@@ -88,11 +88,11 @@ def _switch_off(line: Line, device_id: int, *, watched: bool) -> str:
     response = line.write(device_id, register.address, b"\x00")
     if response is None or response.number:
         return "no answer" if response is None else status_text(response.error)
-    found = line.read(device_id, register.address, register.size)
-    if found is None or found.number or not found.data:
-        return "no answer" if found is None else status_text(found.error)
-    if found.data[0]:
-        return f"{register.name}({register.address}) still reads {found.data[0]}"
+    still = line.read(device_id, register.address, register.size)
+    if still is None or still.number or not still.data:
+        return "no answer" if still is None else status_text(still.error)
+    if still.data[0]:
+        return f"{register.name}({register.address}) still reads {still.data[0]}"
     if watched:
         line.write(device_id, reg.BUS_WATCHDOG.address, b"\x00")
     return ""

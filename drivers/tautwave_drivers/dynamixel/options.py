@@ -209,7 +209,7 @@ def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
                 "moves with it; list it once, and give it no axis of its own"
             )
         shadows.add(servo.shadow.id)
-    found = []
+    servos = []
     for axis in bus.axes:
         one = by_id.get(axis.device_id)
         if one is None:
@@ -231,10 +231,10 @@ def match_servos(options: DynamixelOptions, bus: BusSpec) -> list[Servo]:
         refusal = _refusal(bus, options, axis, one, model)
         if refusal:
             problems.append(refusal)
-        found.append(Servo(axis, one, model))
+        servos.append(Servo(axis, one, model))
     if problems:
         raise ConfigError(problems)
-    return found
+    return servos
 
 
 def _unknown(bus: BusSpec, servo: ServoOptions) -> str:

@@ -74,21 +74,21 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
         raise ConfigError(f"scan dynamixel: --port is missing; {ports_found()}")
     clock = MonotonicClock()
     bauds = [options.baud] if options.baud else list(reg.BAUDS.values())
-    found: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     found_s = adapter_of(options.port).found_s
     latency_s = LATENCY_S if found_s is None else found_s
     port = SerialPort(options.port, bauds[0])
     try:
         for at, baud in enumerate(bauds):
-            progress(at / len(bauds), f"{baud} baud, {len(found)} found")
+            progress(at / len(bauds), f"{baud} baud, {len(rows)} found")
             try:
                 port.set_baud(baud)
             except OSError:
                 continue  # the adapter does not support this rate
-            found.extend(find_at_baud(port, clock, baud, options, latency_s))
+            rows.extend(find_at_baud(port, clock, baud, options, latency_s))
     finally:
         port.close()
-    return found
+    return rows
 
 
 def find_at_baud(
@@ -116,19 +116,19 @@ def _ping_all(
     port: BytePort, clock: Clock, baud: int, line: PacketLine, ids: Sequence[int]
 ) -> list[tuple[int, int, int]]:
     """Return id, model number and firmware of all that answer a ping."""
-    found = []
+    servos = []
     if ids:
         for device_id in ids:
             responses = (line.ping(device_id) for _ in range(TRIES))
             response = next(filter(None, responses), None)
             if response is not None and not response.number:
                 number = reg.MODEL_NUMBER.decode(response.data)
-                found.append((device_id, number, response.data[2]))
-        return found
+                servos.append((device_id, number, response.data[2]))
+        return servos
     for device_id, response in ping_all(port, clock, baud):
         number = reg.MODEL_NUMBER.decode(response.data)
-        found.append((device_id, number, response.data[2]))
-    return found
+        servos.append((device_id, number, response.data[2]))
+    return servos
 
 
 def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int) -> dict[str, Any]:
@@ -149,10 +149,10 @@ def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int
         """Return the value of a register; None where there is none, or no valid answer."""
         if register is None:
             return None
-        found = line.read(device_id, register.address, register.size)
-        if found is None or len(found.data) != register.size:
+        response = line.read(device_id, register.address, register.size)
+        if response is None or len(response.data) != register.size:
             return None
-        return register.decode(found.data)
+        return register.decode(response.data)
 
     if (mode := value(family.mode)) is not None:
         row["mode"] = reg.MODES.get(mode, str(mode))
@@ -174,14 +174,14 @@ def _row(line: PacketLine, baud: int, device_id: int, number: int, firmware: int
 
 
 def _protocol1_row(line: Protocol1Line, baud: int, device_id: int) -> dict[str, Any] | None:
-    found = line.ping(device_id)
-    if found is None:
+    response = line.ping(device_id)
+    if response is None:
         return None
     identity = line.read(device_id, 0, 3)
-    if identity is None and found.error == protocol1.PING:
+    if identity is None and response.error == protocol1.PING:
         return None  # our own request: in this protocol an echoed ping looks like a response
     row: dict[str, Any] = {"id": device_id, "model": "unknown", "protocol": 1.0, "baud": baud}
-    errors = protocol1_text(found.error) if found.error else ""
+    errors = protocol1_text(response.error) if response.error else ""
     if identity is None:
         return row | {"errors": errors}
     number = reg.FIRST_MODEL_NUMBER.decode(identity.data)

@@ -86,8 +86,12 @@ class SdkLine:
 
     def ping(self, device_id: int) -> Response | None:
         """Return model number and firmware."""
-        found = self.read(device_id, 0, 7)
-        return None if found is None else Response(found.error, found.data[:2] + found.data[6:7])
+        response = self.read(device_id, 0, 7)
+        return (
+            None
+            if response is None
+            else Response(response.error, response.data[:2] + response.data[6:7])
+        )
 
     def read(self, device_id: int, address: int, size: int) -> Response | None:
         """Return `size` bytes at `address`."""

@@ -122,12 +122,12 @@ class PacketLine:
             wire_ns = (len(request) + 11 + size) * self._byte_ns
             wait_ns = wire_ns + self._timeout_ns + self._patience.more_ns
             until = limit_ns or self._clock.now_ns() + wait_ns
-            found = _await(self._port, self._clock, device_id, until, packet.take_packet, size)
-            if found is not None:
+            response = _await(self._port, self._clock, device_id, until, packet.take_packet, size)
+            if response is not None:
                 if sent_ns > first_ns:
                     span_ns = sent_ns - first_ns + self._timeout_ns // 2
                     let_pass(self._port, self._clock, span_ns)
-                return Response(found.error, found.data)
+                return Response(response.error, response.data)
             late = self._patience.note(self._clock.now_ns() - until, self._timeout_ns)
             if late and spare:
                 spare -= 1
@@ -138,7 +138,7 @@ class PacketLine:
 
 def ping_all(port: BytePort, clock: Clock, baud: int) -> list[tuple[int, Response]]:
     """Return id and response of all servos that answer a broadcast ping, as often as they do."""
-    found = []
+    responses = []
     port.read()
     port.write(packet.build(packet.BROADCAST, packet.PING))
     window_ns = round(1e9 * (253 * TURN_S + LONGEST_S + 24 * 10.0 / baud))
@@ -148,9 +148,9 @@ def ping_all(port: BytePort, clock: Clock, baud: int) -> list[tuple[int, Respons
         buffer += port.read()
         while (one := packet.take_packet(buffer)) is not None:
             if one.instruction == packet.STATUS and len(one.data) >= 3:
-                found.append((one.device_id, Response(one.error, one.data)))
+                responses.append((one.device_id, Response(one.error, one.data)))
                 until = clock.now_ns() + window_ns
-    return found
+    return responses
 
 
 class Protocol1Line:
@@ -177,18 +177,18 @@ class Protocol1Line:
         self._port.write(request)
         wire_ns = (len(request) + 6 + size) * self._byte_ns
         until = self._clock.now_ns() + wire_ns + self._timeout_ns
-        found = _await(self._port, self._clock, device_id, until, _take_first, size)
-        if found is None or len(found.data) < size:
+        response = _await(self._port, self._clock, device_id, until, _take_first, size)
+        if response is None or len(response.data) < size:
             return None
-        return Response(found.error, found.data)
+        return Response(response.error, response.data)
 
 
 def _take_first(buffer: bytearray) -> Packet | None:
     """Take a packet of protocol 1.0, as one of protocol 2.0."""
-    found = protocol1.take_packet(buffer)
-    if found is None:
+    status = protocol1.take_packet(buffer)
+    if status is None:
         return None
-    return Packet(found.device_id, packet.STATUS, bytes((found.error,)) + found.data)
+    return Packet(status.device_id, packet.STATUS, bytes((status.error,)) + status.data)
 
 
 def _await(
@@ -206,11 +206,11 @@ def _await(
     buffer = bytearray()
     while True:
         buffer += port.read()
-        while (found := take(buffer)) is not None:
-            if found.device_id != device_id or found.instruction != packet.STATUS:
+        while (response := take(buffer)) is not None:
+            if response.device_id != device_id or response.instruction != packet.STATUS:
                 continue
-            refused = not found.data and found.error & ~packet.ALERT
-            if found.params and (len(found.data) == size or refused):
-                return found
+            refused = not response.data and response.error & ~packet.ALERT
+            if response.params and (len(response.data) == size or refused):
+                return response
         if not clock.wait(port, until_ns):
             return None

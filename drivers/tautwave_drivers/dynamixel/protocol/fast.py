@@ -47,7 +47,7 @@ class FastStatus:
         """
         if self._at == 0 and not self._begin(buffer):
             return []
-        found: list[Sample] = []
+        samples: list[Sample] = []
         block = self._block
         while len(buffer) >= self._at + block <= self._end:
             at = self._at
@@ -58,13 +58,13 @@ class FastStatus:
             self._at = at + block
             self._crc = crc16(buffer[at + block - 2 : at + block], crc)
             if received_crc == crc:
-                found.append(sample)
+                samples.append(sample)
                 if self._at == self._end:
-                    found.extend(self._doubtful)
+                    samples.extend(self._doubtful)
                     self._doubtful = []
             else:
                 self._doubtful.append(sample)
-        return found
+        return samples
 
     def _begin(self, buffer: bytearray) -> bool:
         start = buffer.find(self._head)
