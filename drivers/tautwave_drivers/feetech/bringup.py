@@ -114,9 +114,9 @@ class Bringup:
             One has forgotten.
         """
         for servo in servos:
-            for setting, found in self._settings[servo.options.id].forgotten():
+            for setting, value in self._settings[servo.options.id].forgotten():
                 raise DeviceFault(
-                    f"{self._where(servo)}: {setting.name} reads {setting.show(found)} instead of "
+                    f"{self._where(servo)}: {setting.name} reads {setting.show(value)} instead of "
                     f"{setting.show(setting.wanted)}: {AGAIN}"
                 )
 
@@ -131,8 +131,8 @@ class Bringup:
                 "one of them another id, alone on the line"
             )
         garbled = self._line.garbled
-        found = self._line.read(number, tables.IDENTITY)
-        if found is None:
+        response = self._line.read(number, tables.IDENTITY)
+        if response is None:
             garbled |= self._line.garbled
             why = (
                 "its answers are garbled, as of two servos with one id, of a wrong baud rate or a "
@@ -143,7 +143,7 @@ class Bringup:
             raise DriverError(
                 f"{where}: {why}, and look with: tautwave scan feetech --port {self._options.port}"
             )
-        identity = identity_of(found.data)
+        identity = identity_of(response.data)
         name = model_name(identity.model)
         if identity.table is None:
             what = "an SCS servo" if identity.series == "SCS" else "a servo of unknown table"
@@ -178,8 +178,8 @@ class Bringup:
         """Refuse a line on which another servo obeys a goal of this rig, by its second id."""
         axes = {servo.options.id: servo.axis.name for servo in servos}
         for number in sorted({*everyone, *axes}):
-            found = self._line.read(number, tables.IDENTITY)
-            if found is None or identity_of(found.data).table is not tables.HLS:
+            response = self._line.read(number, tables.IDENTITY)
+            if response is None or identity_of(response.data).table is not tables.HLS:
                 continue
             assert tables.HLS.second_id is not None
             second = self._line.read(number, tables.HLS.second_id)

@@ -82,19 +82,21 @@ def _remedies(options: FeetechOptions, bus: BusSpec, servos: list[Servo]) -> lis
     def rate(change: dict[str, object], some: list[Servo]) -> str:
         return f"{READ_SHARE / exchange_s(options.model_copy(update=change), some):.0f} Hz"
 
-    found = []
+    remedies = []
     if options.baud < 1_000_000:
-        found.append(f"baud: 1000000 gives {rate({'baud': 1_000_000}, servos)}")
+        remedies.append(f"baud: 1000000 gives {rate({'baud': 1_000_000}, servos)}")
     if options.return_delay_s > 0.0 and any(servo.table is not HLS for servo in servos):
-        found.append(f"return_delay_s: 0 gives {rate({'return_delay_s': 0.0}, servos)}")
+        remedies.append(f"return_delay_s: 0 gives {rate({'return_delay_s': 0.0}, servos)}")
     if options.latency_s > 0.001:
-        found.append(f"a USB latency of 1 ms gives {rate({'usb_latency_s': 0.001}, servos)}")
+        remedies.append(f"a USB latency of 1 ms gives {rate({'usb_latency_s': 0.001}, servos)}")
     if options.latency_s > 0.0:
-        found.append(f"a real UART gives {rate({'usb_latency_s': 0.0}, servos)}")
+        remedies.append(f"a real UART gives {rate({'usb_latency_s': 0.0}, servos)}")
     if len(servos) > 1:
         half = servos[: (len(servos) + 1) // 2]
-        found.append(f"two buses give {rate({}, half)}")
+        remedies.append(f"two buses give {rate({}, half)}")
     nth = math.ceil(exchange_s(options, servos) * bus.rate_hz / READ_SHARE)
     if nth > 1:
-        found.append(f"divisor: {nth * bus.divisor} on this bus ({bus.rate_hz / nth:.0f} Hz) fits")
-    return found
+        remedies.append(
+            f"divisor: {nth * bus.divisor} on this bus ({bus.rate_hz / nth:.0f} Hz) fits"
+        )
+    return remedies

@@ -99,11 +99,11 @@ class Axis:
                 else (tables.LOCK, sample.lock, tables.LOCKED)
             )
             return "{} reads {} instead of {}: ".format(*held) + AGAIN
-        found = sample.goal if self.servo.impedance else sample.goal_position
-        self.unheard = self.unheard + 1 if found != goal else 0
+        holds = sample.goal if self.servo.impedance else sample.goal_position
+        self.unheard = self.unheard + 1 if holds != goal else 0
         if self.unheard >= UNHEARD:
             return (
-                f"its goal reads {found} instead of the {goal} that it was sent, {UNHEARD} samples "
+                f"its goal reads {holds} instead of the {goal} that it was sent, {UNHEARD} samples "
                 "in a row: another program writes to it, or it does not hear; end that program, "
                 "check its cable"
             )
@@ -190,8 +190,8 @@ class FeetechDriver(DriverBase):
             )
         everyone = self._ids if self._surveyed else line.ping_all()
         bringup = Bringup(line, self._options, self._bus, self.notes)
-        for axis, found in zip(self._axes, bringup.run(self._servos, everyone), strict=True):
-            axis.take(found)
+        for axis, identity in zip(self._axes, bringup.run(self._servos, everyone), strict=True):
+            axis.take(identity)
         self._surveyed = True
         self.identities.update(bringup.identities)
         self._exchange = Exchange(port, self._clock, self._ids, self._timing())
@@ -296,8 +296,8 @@ class FeetechDriver(DriverBase):
         if self._port is None:
             return {}
         texts = map(wrong_text, self._exchange.wrong)
-        found = zip(self._servos, texts, strict=True)
-        return {one.axis.name: f"servo {one.options.id}: {text}" for one, text in found if text}
+        causes = zip(self._servos, texts, strict=True)
+        return {one.axis.name: f"servo {one.options.id}: {text}" for one, text in causes if text}
 
     # -- every cycle ----------------------------------------------------------------------
 

@@ -109,14 +109,14 @@ class Enabling:
 
     def _take_in(self) -> None:
         self._buffer += self._port.read()
-        while (found := protocol1.take_packet(self._buffer)) is not None:
+        while (response := protocol1.take_packet(self._buffer)) is not None:
             if self._at == len(self._servos):
                 return
             servo = self._servos[self._at]
-            mine = self._pending and found.device_id == servo.options.id
-            if mine and len(found.data) == STATE.size:
+            mine = self._pending and response.device_id == servo.options.id
+            if mine and len(response.data) == STATE.size:
                 self._pending = False
-                self._judge(servo, State(*_FIELDS.unpack(found.data)), found.error)
+                self._judge(servo, State(*_FIELDS.unpack(response.data)), response.error)
 
     def _judge(self, servo: Servo, state: State, error: int) -> None:
         """See whether a servo is as it was set; switch it on if it is off."""
@@ -129,8 +129,8 @@ class Enabling:
         }
         if servo.impedance:
             expected["its goal(44)"] = 0
-        found = (state.mode, state.limit, state.lock, state.goal)
-        for (name, wanted), held in zip(expected.items(), found, strict=False):
+        settings = (state.mode, state.limit, state.lock, state.goal)
+        for (name, wanted), held in zip(expected.items(), settings, strict=False):
             if held != wanted:
                 raise DeviceFault(
                     f"{self._where(servo)}: {name} reads {held} instead of {wanted}: {AGAIN}"

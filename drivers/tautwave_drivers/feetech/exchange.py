@@ -224,14 +224,14 @@ class Exchange:
         return self.samples.count(None)
 
     def _sort(self, buffer: bytearray, doubtful: set[int]) -> None:
-        while (found := protocol1.take_packet(buffer)) is not None:
-            index = self._index.get(found.device_id)
+        while (response := protocol1.take_packet(buffer)) is not None:
+            index = self._index.get(response.device_id)
             if index is None:
                 doubtful.update(range(len(self._ids)))
-            elif len(found.data) == CYCLE.size:
+            elif len(response.data) == CYCLE.size:
                 if self.samples[index] is not None:
                     doubtful.add(index)
-                self.samples[index] = Sample._make((*FIELDS.unpack(found.data), found.error))
+                self.samples[index] = Sample._make((*FIELDS.unpack(response.data), response.error))
 
     def _still_waiting(self) -> bool:
         """Return whether an answer is missing from a servo that is not absent."""

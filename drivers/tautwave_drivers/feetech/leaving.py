@@ -66,12 +66,12 @@ def leave_again(
 
 def _switched_off(line: ServoLine, device_id: int, stop: int) -> str:
     """Return why one servo is not known to be off, '' if it is."""
-    found = line.read(device_id, tables.TORQUE)
-    if found is not None and found.data[0] != stop:
+    response = line.read(device_id, tables.TORQUE)
+    if response is not None and response.data[0] != stop:
         line.write(device_id, tables.TORQUE, stop)
-        found = line.read(device_id, tables.TORQUE)
-    if found is None:
+        response = line.read(device_id, tables.TORQUE)
+    if response is None:
         return "no answer"
-    if found.data[0] != stop:
-        return f"{tables.TORQUE} still reads {found.data[0]}"
+    if response.data[0] != stop:
+        return f"{tables.TORQUE} still reads {response.data[0]}"
     return ""

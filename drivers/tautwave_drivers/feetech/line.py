@@ -83,7 +83,7 @@ class ServoLine:
     def answers(self, device_id: int, register: Register) -> list[bytes]:
         """Return what all that have this id say about a register, within the longest delay."""
         request = protocol1.read_packet(device_id, register.address, register.size)
-        found: list[bytes] = []
+        heard: list[bytes] = []
         self._port.read()
         self._port.write(request)
         buffer = bytearray()
@@ -95,12 +95,12 @@ class ServoLine:
             buffer += chunk
             while (one := protocol1.take_packet(buffer)) is not None:
                 if one.device_id == device_id and len(one.data) == register.size:
-                    found.append(one.data)
-        return found
+                    heard.append(one.data)
+        return heard
 
     def ping_all(self) -> list[int]:
         """Return the ids that answer a broadcast ping, as often as they do."""
-        found = []
+        ids = []
         self._port.read()
         self._port.write(protocol1.build(BROADCAST, protocol1.PING))
         until = self._clock.now_ns() + PING_NS
@@ -111,9 +111,9 @@ class ServoLine:
             self.garbled |= bool(chunk)
             buffer += chunk
             while (one := protocol1.take_packet(buffer)) is not None:
-                found.append(one.device_id)
+                ids.append(one.device_id)
                 until = self._clock.now_ns() + PING_NS
-        return found
+        return ids
 
     def _until(self, request: bytes, size: int) -> int:
         wire_ns = (len(request) + protocol1.HEAD + 1 + size) * self._byte_ns
@@ -127,12 +127,12 @@ class ServoLine:
             sent_ns = self._clock.now_ns()
             self._port.write(request)
             until = self._until(request, size) + self._patience.more_ns
-            found = self._await(device_id, until, size)
-            if found is not None:
+            response = self._await(device_id, until, size)
+            if response is not None:
                 if sent_ns > first_ns:
                     span_ns = sent_ns - first_ns + self._timeout_ns // 2
                     let_pass(self._port, self._clock, span_ns)
-                return found
+                return response
             if self._patience.note(self._clock.now_ns() - until, self._timeout_ns) and spare:
                 spare -= 1  # the host came late, not the servo
             else:
@@ -147,9 +147,9 @@ class ServoLine:
             chunk = self._port.read()
             self.garbled |= bool(chunk)
             buffer += chunk
-            while (found := protocol1.take_packet(buffer)) is not None:
-                if found.device_id == device_id and len(found.data) == size:
-                    return found
+            while (response := protocol1.take_packet(buffer)) is not None:
+                if response.device_id == device_id and len(response.data) == size:
+                    return response
             if not self._clock.wait(self._port, until_ns):
                 return None
 

@@ -210,7 +210,7 @@ def match_servos(options: FeetechOptions, bus: BusSpec) -> list[Servo]:
         if servo.id in by_id:
             problems.append(f"bus {bus.name}: servo id {servo.id} is listed twice")
         by_id[servo.id] = servo
-    found = []
+    servos = []
     for axis in bus.axes:
         one = by_id.get(axis.device_id)
         if one is None:
@@ -229,10 +229,10 @@ def match_servos(options: FeetechOptions, bus: BusSpec) -> list[Servo]:
         refusal = _refusal(options, driven)
         if refusal:
             problems.append(f"bus {bus.name}: {axis.name}: {refusal}")
-        found.append(driven)
+        servos.append(driven)
     if problems:
         raise ConfigError(problems)
-    return found
+    return servos
 
 
 def _unknown(bus: BusSpec, servo: ServoOptions) -> str:
@@ -304,31 +304,31 @@ def _beyond(servo: Servo) -> str:
 
 def facts(options: FeetechOptions, bus: BusSpec) -> Sequence[AxisFacts]:
     """Return the steps of each axis' position and effort [rad], [N m]."""
-    found = []
+    by_axis = []
     for servo in match_servos(options, bus):
         scale = servo.scale(servo.supply_v or 1.0)
-        found.append(AxisFacts(scale.position, scale.effort if servo.impedance else 0.0))
-    return found
+        by_axis.append(AxisFacts(scale.position, scale.effort if servo.impedance else 0.0))
+    return by_axis
 
 
 def foreseen(options: FeetechOptions, bus: BusSpec) -> Sequence[str]:
     """Return what is to be known of the servos before a run: no watchdog, back-EMF, current."""
     servos = match_servos(options, bus)
-    said = [
+    sentences = [
         "the servos have no watchdog: a run needs --allow-unwatched; their power is cut by hand: "
         + options.power_cut.strip()
     ]
     for servo in servos:
         where = f"{servo.axis.name} (servo {servo.options.id})"
         if servo.by_voltage:
-            said.append(
+            sentences.append(
                 f"{where}: driven by a voltage: its motor brakes with {servo.back_emf:.3g} N m "
                 "s/rad of back-EMF as long as torque is on; `damping` of the axis has to include it"
             )
         current = servo.axis.effort_limit / servo.scale(1.0).current * CURRENT_UNIT
         if servo.impedance and not servo.by_voltage and STEADY_A < current < math.inf:
-            said.append(
+            sentences.append(
                 f"{where}: effort_limit {servo.axis.effort_limit:g} is {current:.2g} A; users of "
                 f"these servos took {STEADY_A:g} A for safe"
             )
-    return said
+    return sentences

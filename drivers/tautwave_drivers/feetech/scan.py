@@ -61,20 +61,20 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
         raise ConfigError(f"scan feetech: --port is missing; {ports_found()}")
     clock = MonotonicClock()
     bauds = [options.baud] if options.baud else list(tables.BAUDS.values())
-    found: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     latency_s = adapter_of(options.port).found_s
     port = SerialPort(options.port, bauds[0])
     try:
         for at, baud in enumerate(bauds):
-            progress(at / len(bauds), f"{baud} baud, {len(found)} found")
+            progress(at / len(bauds), f"{baud} baud, {len(rows)} found")
             try:
                 port.set_baud(baud)
             except OSError:
                 continue  # the adapter does not support this rate
-            found += look(port, clock, baud, options.ids, latency_s or LATENCY_S)
+            rows += look(port, clock, baud, options.ids, latency_s or LATENCY_S)
     finally:
         port.close()
-    return found
+    return rows
 
 
 def look(
@@ -116,8 +116,8 @@ def _row(line: ServoLine, number: int, identity: Identity) -> dict[str, Any]:
         return row | {"errors": "unknown: no axis runs on it"}
 
     def value(register: Register) -> int | None:
-        found = line.read(number, register)
-        return None if found is None else register.decode(found.data)
+        response = line.read(number, register)
+        return None if response is None else register.decode(response.data)
 
     mode, delay, second = value(tables.MODE), None, None
     if mode is not None:
@@ -133,8 +133,8 @@ def _row(line: ServoLine, number: int, identity: Identity) -> dict[str, Any]:
         ("lock", tables.LOCK),
         ("temperature_degc", tables.TEMPERATURE),
     ):
-        if (found := value(register)) is not None:
-            row[name] = found
+        if (number_read := value(register)) is not None:
+            row[name] = number_read
     if (volts := value(tables.VOLTAGE)) is not None:
         row["voltage"] = round(volts * tables.VOLT, 1)
     status = value(tables.STATUS)
