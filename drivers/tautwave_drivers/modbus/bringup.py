@@ -114,10 +114,10 @@ class Bringup:
         profile, device = self._profile, self._device
         if profile.identity is not None:
             name, wanted = profile.identity.register_name, profile.identity.value
-            found = self._get(name)
-            if wanted is not None and found != wanted:
+            answered = self._get(name)
+            if wanted is not None and answered != wanted:
                 raise DriverError(
-                    f"{self._where}: {name} reads {found:#x}, but a {profile.family} drive has "
+                    f"{self._where}: {name} reads {answered:#x}, but a {profile.family} drive has "
                     f"{wanted:#x}; correct its profile, or the unit id"
                 )
         reported = {label: str(self._get(name)) for name, label in profile.reported.items()}
@@ -224,10 +224,10 @@ class Bringup:
         return DeviceSetting(name, name, wanted, lasts, why, mask, readable=readable)
 
     def _expect(self, setting: Setting) -> None:
-        found = self._get(setting.register_name)
-        if found & setting.mask != setting.value & setting.mask:
+        value = self._get(setting.register_name)
+        if value & setting.mask != setting.value & setting.mask:
             raise DriverError(
-                f"{self._where}: {setting.register_name} is {found}, but must be "
+                f"{self._where}: {setting.register_name} is {value}, but must be "
                 f"{setting.value}: {setting.why}; set it with the vendor's program"
             )
 

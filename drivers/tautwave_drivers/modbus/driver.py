@@ -244,7 +244,7 @@ class ModbusDriver(DriverBase):
     def misses(self) -> dict[str, str]:
         """What came instead of the responses of an axis, as text."""
         links = self._links
-        found = (
+        causes = (
             {}
             if links is None
             else {
@@ -253,7 +253,7 @@ class ModbusDriver(DriverBase):
                 for station in stations
             }
         )
-        return {name: text for name, text in found.items() if text}
+        return {name: text for name, text in causes.items() if text}
 
     # -- every cycle ----------------------------------------------------------------------
 

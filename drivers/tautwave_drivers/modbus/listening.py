@@ -82,7 +82,7 @@ def commanded(station: Station, client: Client) -> Values:
         for role in MASTERS
         if (name := profile.roles.get(role)) and "r" in profile.registers[name].access
     ]
-    found: dict[str, int] = {}
+    values: dict[str, int] = {}
     for block in profile.blocks(list(dict.fromkeys(names))):
         pdu = client.request(station, station.codec.read_block(block))
         if pdu[0] & frames.REFUSED:
@@ -90,9 +90,9 @@ def commanded(station: Station, client: Client) -> Values:
         for name in block.names:
             register = profile.registers[name]
             if block.words == register.words:
-                found[name] = station.codec.decode(name, pdu)
+                values[name] = station.codec.decode(name, pdu)
             else:
                 low_first = profile.low_first(register)
                 place = Place(register.address - block.address, register.type, low_first)
-                found[name] = place.reader()(pdu)
-    return found
+                values[name] = place.reader()(pdu)
+    return values

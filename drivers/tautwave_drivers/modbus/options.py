@@ -256,7 +256,7 @@ def match_devices(options: ModbusOptions, bus: BusSpec) -> list[Device]:
         if key in by_unit or one.unit in by_id:
             problems.append(f"bus {bus.name}: unit {one.unit} is listed twice in options.devices")
         by_unit[key] = by_id[one.unit] = one
-    found = []
+    devices = []
     for axis in bus.axes:
         where = f"bus {bus.name}: {axis.name}: "
         device = by_id.get(axis.device_id)
@@ -268,12 +268,12 @@ def match_devices(options: ModbusOptions, bus: BusSpec) -> list[Device]:
             )
             continue
         try:
-            found.append(_matched(options, axis, device))
+            devices.append(_matched(options, axis, device))
         except ConfigError as err:
             problems += [f"{where}{problem}" for problem in err.problems]
     if problems:
         raise ConfigError(problems)
-    return found
+    return devices
 
 
 def _link_problems(options: ModbusOptions, bus: BusSpec) -> list[str]:

@@ -48,8 +48,8 @@ def _number(key: Any) -> Any:
     """Return a key that is a number, as YAML reads it: keys come as text."""
     from tautwave.config.text.yaml12 import read_scalar
 
-    found = read_scalar(key) if isinstance(key, str) else key
-    return found if isinstance(found, int) and not isinstance(found, bool) else key
+    number = read_scalar(key) if isinstance(key, str) else key
+    return number if isinstance(number, int) and not isinstance(number, bool) else key
 
 
 class Keys(BaseModel):
@@ -371,20 +371,20 @@ class Profile(Keys):
 
     def blocks(self, names: Sequence[str]) -> list[Block]:
         """Return what is read to have all of these registers, the block with the position first."""
-        found: list[Block] = []
+        reads: list[Block] = []
         for table in READERS:
             here = [one for one in names if self.table_of(self.registers[one]) == table]
             wanted = [(one, self.registers[one].address, self.registers[one].words) for one in here]
             if self.addressing == "objects" or table in BITS:
-                found += [Block(at, words, (one,), table) for one, at, words in wanted]
+                reads += [Block(at, words, (one,), table) for one, at, words in wanted]
                 continue
             gaps, most = self.gaps, self.most_registers
             gap = gaps if isinstance(gaps, str) else gaps.get(table, "refused")  # type: ignore[call-overload]
             limit = most if isinstance(most, int) else most.get(table, 125)  # type: ignore[call-overload]
             blocks = blocks_of(wanted, self._readable(table), gap == "readable", BRIDGE, limit)
-            found += [one._replace(table=table) for one in blocks]
-        found.sort(key=lambda block: self.roles["position"] not in block.names)
-        return found
+            reads += [one._replace(table=table) for one in blocks]
+        reads.sort(key=lambda block: self.roles["position"] not in block.names)
+        return reads
 
     def low_first(self, register: Register) -> bool:
         """Return whether the low word of a 32-bit value comes first."""
@@ -415,8 +415,8 @@ def parse_profile(text: str, where: str) -> Profile:
         document.report(path, sentence)
     if document.problems:
         raise ConfigError(document.sentences())
-    found: Profile = profile
-    return found
+    parsed: Profile = profile
+    return parsed
 
 
 @cache

@@ -59,7 +59,7 @@ def units_of(text: str, serial: bool) -> list[int]:
     """
     if not text:
         return list(range(1, 248)) if serial else list(range(1, 17))
-    found: list[int] = []
+    units: list[int] = []
     for part in text.split(","):
         first, dash, last = (word.strip() for word in part.partition("-"))
         ends = (first, last) if dash else (first, first)
@@ -69,8 +69,8 @@ def units_of(text: str, serial: bool) -> list[int]:
         least, most = (1, 247) if serial else (0, 255)
         if not least <= begin <= end <= most:
             raise ConfigError(f"scan modbus: --units {text!r}: unit ids are {least} to {most}")
-        found += range(begin, end + 1)
-    return found
+        units += range(begin, end + 1)
+    return units
 
 
 def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence[dict[str, Any]]:
@@ -92,7 +92,7 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
 
     clock = MonotonicClock()
     profiles = [load_profile(name) for name in (*options.profiles, *SHIPPED)]
-    found: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     failed: dict[str, str] = {}
     for endpoint in options.endpoint:
         units = units_of(options.units, options.rtu or not endpoint.startswith("tcp://"))
@@ -103,13 +103,13 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
             continue
         try:
             for at, unit in enumerate(units):
-                progress(at / len(units), f"{endpoint}, unit {unit}, {len(found)} found")
-                found += _at_unit(link, clock, options, endpoint, unit, profiles)
+                progress(at / len(units), f"{endpoint}, unit {unit}, {len(rows)} found")
+                rows += _at_unit(link, clock, options, endpoint, unit, profiles)
         finally:
             link.close()
     if failed and len(failed) == len(options.endpoint):
         raise DriverError("; ".join(failed.values()))
-    return found + [
+    return rows + [
         {"endpoint": one, "unit": None, "fault": why.removeprefix(f"{one}: ")}
         for one, why in failed.items()
     ]
@@ -211,8 +211,8 @@ def _at_unit(
 def _matches(one: _Unit, profile: Profile) -> bool:
     """Return whether a unit has every register of a profile that says what it is and does."""
     if profile.identity is not None:
-        found = one.value(profile, profile.identity.register_name)
-        if found is None or profile.identity.value not in (None, found):
+        identity = one.value(profile, profile.identity.register_name)
+        if identity is None or profile.identity.value not in (None, identity):
             return False
     names = {profile.roles["status"], profile.roles["position"], *profile.reported}
     return all(one.value(profile, name) is not None for name in sorted(names))

@@ -182,9 +182,9 @@ class Steps:
         if refused:
             return
         if step.write is None:
-            found = self._codec.decode(name, responses[0])
-            if found & step.mask != step.value & step.mask:
-                self._wait(step, found, where)
+            value = self._codec.decode(name, responses[0])
+            if value & step.mask != step.value & step.mask:
+                self._wait(step, value, where)
                 return
         self._at += 1
         self._since_ns = None

@@ -328,9 +328,9 @@ class Station:
         """Take what a register was read to hold; b'' and a refusal say nothing."""
         if not pdu or pdu[0] & frames.REFUSED:
             return
-        found = self.codec.decode(step.register_name, pdu)
-        if found & step.mask != step.value & step.mask:
-            self.fail(forgot_text(step, found))
+        value = self.codec.decode(step.register_name, pdu)
+        if value & step.mask != step.value & step.mask:
+            self.fail(forgot_text(step, value))
 
     def _watch(self, status: int, more: Sequence[bytes]) -> None:
         """Take the status and the additional responses."""

@@ -106,8 +106,8 @@ def _notes(devices: Sequence[FoundDevice]) -> list[str]:
         "torque_constant": "torque_constant [N m/A] is a guess: TODO the motor's data sheet",
         "counts_per_revolution": "counts_per_revolution is a guess: TODO the drive's manual",
     }
-    found = [text for key, text in guessed.items() if any(key in one.options for one in devices)]
-    return [*found, "gear_ratio: motor turns per turn of the axis, direction: 1 or -1. TODO: both."]
+    texts = [text for key, text in guessed.items() if any(key in one.options for one in devices)]
+    return [*texts, "gear_ratio: motor turns per turn of the axis, direction: 1 or -1. TODO: both."]
 
 
 survey = Survey(_places, _propose, _describe, "profile")

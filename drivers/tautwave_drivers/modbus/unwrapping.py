@@ -37,10 +37,10 @@ class Unwrapper:
             rounds = math.ceil((self._low - count) / ROUND)
             if count + ROUND * rounds > self._high:
                 rounds = 0  # beyond its range, wherever it is
-            found = count + ROUND * rounds
+            position = count + ROUND * rounds
         elif now_ns - self._at_ns >= self._longest_ns:
             return None
         else:
-            found = self._last + (count - self._last + ROUND // 2) % ROUND - ROUND // 2
-        self._last, self._at_ns = found, now_ns
-        return found
+            position = self._last + (count - self._last + ROUND // 2) % ROUND - ROUND // 2
+        self._last, self._at_ns = position, now_ns
+        return position

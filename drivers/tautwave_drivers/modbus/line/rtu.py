@@ -246,13 +246,13 @@ class RtuLink(Link):
 def _cause(transaction: Transaction, heard: bytes | bytearray) -> Cause:
     """Return why what was heard is no response to a request."""
     function = transaction.request.function
-    found = frame_in(heard)
-    if found is None:
+    frame = frame_in(heard)
+    if frame is None:
         begins = heard[0] == transaction.unit and heard[1:2] in (
             bytes((function,)),
             bytes((function | REFUSED,)),
         )
         return OF_CRC if begins else NO_RTU
-    if found[0] != transaction.unit:
-        return of_unit(found[0], transaction.unit)
-    return of_function(found[1], function) if found[1] != function else OF_LENGTH
+    if frame[0] != transaction.unit:
+        return of_unit(frame[0], transaction.unit)
+    return of_function(frame[1], function) if frame[1] != function else OF_LENGTH

@@ -168,16 +168,16 @@ class TcpLink(Link):
 
     def _receive(self, data: bytes, now: int) -> None:
         buffer = self._buffer
-        if not buffer and (found := only_tcp(data)) is not None:
-            self._take(*found, now)
+        if not buffer and (response := only_tcp(data)) is not None:
+            self._take(*response, now)
             return
         if buffer:
             buffer += data
             self._align(buffer)
         else:
             buffer += data
-        while may_be_tcp(buffer) and (found := take_tcp(buffer)) is not None:
-            self._take(*found, now)
+        while may_be_tcp(buffer) and (response := take_tcp(buffer)) is not None:
+            self._take(*response, now)
         if not may_be_tcp(buffer):  # nor is there a way to find the next header
             self.unexpected += 1
             self.note_wrong(self._owing(), NO_TCP)
