@@ -36,10 +36,10 @@ class Adapter(NamedTuple):
         """[s] How long it keeps a response in a run, which sets the timer where it may."""
         if self.kind in ("uart", "pty"):
             return 0.0
-        found = self.found_s
-        if found is None or self.timer is None or os.access(self.timer, os.W_OK):
+        measured = self.found_s
+        if measured is None or self.timer is None or os.access(self.timer, os.W_OK):
             return USB_S
-        return max(found, USB_S)
+        return max(measured, USB_S)
 
 
 def adapter_of(port: str) -> Adapter:

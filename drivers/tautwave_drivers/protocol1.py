@@ -90,6 +90,6 @@ def take_packet(buffer: bytearray, longest: int = LONGEST) -> Status | None:
         if checksum(buffer[2 : end - 1]) != buffer[end - 1]:
             del buffer[:1]
             continue
-        found = Status(device_id, buffer[4], bytes(buffer[HEAD : end - 1]))
+        packet = Status(device_id, buffer[4], bytes(buffer[HEAD : end - 1]))
         del buffer[:end]
-        return found
+        return packet

@@ -14,11 +14,11 @@ def ports_found() -> str:
     """Return a clause on the serial ports there are, such as `/dev/ttyUSB0 (FT232R USB UART)`."""
     from serial.tools.list_ports import comports
 
-    found = sorted(comports(), key=lambda port: str(port.device))
-    if not found:
+    ports = sorted(comports(), key=lambda port: str(port.device))
+    if not ports:
         return "no serial port is found on this machine; is the adapter plugged in?"
     names = [
         port.device + (f" ({port.description})" if port.description not in ("n/a", "") else "")
-        for port in found
+        for port in ports
     ]
     return f"serial ports found: {', '.join(names)}"
