@@ -118,17 +118,17 @@ class TipWorld:
         self._look(soon, v, self.time + 0.5 * h)
         self.time += h
         total = [a + b for a, b in zip(self.hand, self.outside, strict=True)]
-        found = [0.0] * len(x)
-        joint_efforts(self._jacobian, total, found)
-        return found
+        efforts = [0.0] * len(x)
+        joint_efforts(self._jacobian, total, efforts)
+        return efforts
 
     def efforts_at(self, x: Sequence[float], v: Sequence[float]) -> list[float]:
         """Return the joints' efforts for an arm that is led, at `x` with the speeds `v`."""
         self._look(x, v, self.time)
         total = [a + b for a, b in zip(self.hand, self.outside, strict=True)]
-        found = [0.0] * len(x)
-        joint_efforts(self._jacobian, total, found)
-        return found
+        efforts = [0.0] * len(x)
+        joint_efforts(self._jacobian, total, efforts)
+        return efforts
 
     def _look(self, x: Sequence[float], v: Sequence[float], time: float) -> None:
         self._jacobian = [0.0] * (COORDINATES * len(x))
@@ -280,8 +280,8 @@ def _refuse_what_no_tip_has(axis: str, model: AxisModel) -> None:
         "only": model.grasp or model.lead or model.imposed,
         f"{axis}.effort_sensor: a simulated arm has none at its tip; remove it": model.sensor,
     }
-    for text, found in refused.items():
-        if found:
+    for text, is_set in refused.items():
+        if is_set:
             raise ConfigError(text)
 
 

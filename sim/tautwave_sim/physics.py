@@ -172,17 +172,17 @@ class ContactPhysics:
 
     def stored(self, reference: float) -> tuple[float, float, float]:
         """Return kinetic, grip and contact energy."""
-        found: tuple[float, float, float] = self._functions[1](
+        energies: tuple[float, float, float] = self._functions[1](
             self._bare, self._contact, self.x, self.v, reference
         )
-        return found
+        return energies
 
     def forces(self, reference: float, rate: float) -> tuple[float, float]:
         """Return the efforts of hand and contact."""
-        found: tuple[float, float] = self._functions[2](
+        efforts: tuple[float, float] = self._functions[2](
             self._bare, self._contact, self.x, self.v, reference, rate
         )
-        return found
+        return efforts
 
 
 class ServoPhysics:

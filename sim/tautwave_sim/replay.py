@@ -88,7 +88,7 @@ class ReplayDriver(LoopbackDriver):
 
 def _imposed(options: ReplayOptions, bus: BusSpec) -> list[Imposed]:
     known = {device.id: device for device in options.devices}
-    found = []
+    motions = []
     for axis in bus.axes:
         if axis.causality != "impedance":
             raise ConfigError(
@@ -105,8 +105,8 @@ def _imposed(options: ReplayOptions, bus: BusSpec) -> list[Imposed]:
                 f"{axis.name}; it has {', '.join(map(str, known))}"
             )
         keys = known[axis.device_id].model_dump(exclude={"id"})
-        found.append(Imposed(**{**keys, "columns": tuple(keys["columns"])}))
-    return found
+        motions.append(Imposed(**{**keys, "columns": tuple(keys["columns"])}))
+    return motions
 
 
 def _simulate(

@@ -332,7 +332,7 @@ def _parts(packet: Packet) -> list[Part]:
 def _writes(packet: Packet, protocol: float) -> list[tuple[int, int, bytes]]:
     """Return what a sync or bulk write writes to whom, as far as it is whole."""
     params = packet.params
-    found = []
+    writes = []
     if packet.instruction == p2.SYNC_WRITE:
         wide = 2 if protocol >= 2.0 else 1
         head = 2 * wide
@@ -349,6 +349,6 @@ def _writes(packet: Packet, protocol: float) -> list[tuple[int, int, bytes]]:
         length = _word(params, at + 3)
         data = params[at + 5 : at + 5 + length]
         if len(data) == length:
-            found.append((params[at], _word(params, at + 1), data))
+            writes.append((params[at], _word(params, at + 1), data))
         at += 5 + length
-    return found
+    return writes

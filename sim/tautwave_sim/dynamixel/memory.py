@@ -110,7 +110,7 @@ class Memory:
         if not data:
             return LENGTH_ERROR, []
         targets = [self.target(at) for at in range(address, address + len(data))]
-        found: list[tuple[Item, int]] = []
+        items: list[tuple[Item, int]] = []
         at = 0
         while at < len(data):
             item = self._at[targets[at]] if targets[at] < self.end else None
@@ -123,9 +123,9 @@ class Memory:
             error = self._refuse(item, value)
             if error:
                 return error, []
-            found.append((item, value))
+            items.append((item, value))
             at += item.size
-        return 0, found
+        return 0, items
 
     def _refuse(self, item: Item, value: int) -> int:
         if item.access != RW:

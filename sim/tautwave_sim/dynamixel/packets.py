@@ -107,15 +107,15 @@ class Parser:
         """
         buffer = self._buffer
         buffer += data
-        found: list[tuple[Packet, int]] = []
+        packets: list[tuple[Packet, int]] = []
         while True:
             at = buffer.find(HEADER)
             if at < 0:
                 self._drop(max(len(buffer) - len(HEADER) + 1, 0))
-                return found
+                return packets
             self._drop(at)
             if len(buffer) < 7:
-                return found
+                return packets
             device_id = buffer[4]
             length = buffer[5] | buffer[6] << 8
             if device_id in (0xFD, 0xFF) or not 3 <= length <= MAX_LENGTH:
@@ -128,7 +128,7 @@ class Parser:
                 self._drop(again)
                 continue
             if len(buffer) < end:
-                return found
+                return packets
             intact = crc16(buffer[: end - 2]) == buffer[end - 2] | buffer[end - 1] << 8
             if not intact and buffer.find(HEADER, end - 5) in range(end - 5, end):
                 self._drop(1)
@@ -136,7 +136,7 @@ class Parser:
             body = unstuff(bytes(buffer[7 : end - 2]))
             packet = Packet(device_id, body[0], body[1:], intact)
             if packet.instruction != STATUS:
-                found.append((packet, self._dropped + end))
+                packets.append((packet, self._dropped + end))
             self._drop(end if intact else 1)
 
     def _drop(self, count: int) -> None:

@@ -146,17 +146,19 @@ class DriveBus:
                 if request is not None and request.function not in READS:
                     respond(drive, pdu)
             return None, outcome
-        found = self.drives.get(unit)
-        if found is None:
+        addressed = self.drives.get(unit)
+        if addressed is None:
             return None, outcome
-        found.hear(now_ns)
+        addressed.hear(now_ns)
         for kind, code in self.plan.drive_events(unit, elapsed_ns):
-            found.inject(kind, code)
+            addressed.inject(kind, code)
         if outcome.code is not None:
             return exception(pdu, outcome.code), outcome
-        response = respond(found, pdu)
-        request = self._parsed(found, pdu)
-        missing = not found.motor.valid and request is not None and found.shows_position(request)
+        response = respond(addressed, pdu)
+        request = self._parsed(addressed, pdu)
+        missing = (
+            not addressed.motor.valid and request is not None and addressed.shows_position(request)
+        )
         return None if missing or outcome.unanswered else response, outcome
 
 

@@ -142,11 +142,11 @@ def _velocity(one: RegisterKeys) -> str | float | None:
 
 
 def _limits(keys: ProfileKeys) -> dict[str, str]:
-    found = {}
+    limits = {}
     for kind, names in (("effort", keys.limits.effort), ("velocity", keys.limits.velocity)):
         for way, name in zip(("forward", "backward"), (names * 2)[:2], strict=False):
-            found[f"{kind}_limit_{way}"] = name
-    return found
+            limits[f"{kind}_limit_{way}"] = name
+    return limits
 
 
 def _with_defaults(

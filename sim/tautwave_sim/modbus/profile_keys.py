@@ -31,8 +31,8 @@ Name = Annotated[str, Field(alias="register")]
 
 def number_of(key: Any) -> Any:
     """Return a key that is a number as YAML knows it; keys come as they are written."""
-    found = read_scalar(key) if isinstance(key, str) else key
-    return found if isinstance(found, int) and not isinstance(found, bool) else key
+    number = read_scalar(key) if isinstance(key, str) else key
+    return number if isinstance(number, int) and not isinstance(number, bool) else key
 
 
 Code = Annotated[int, BeforeValidator(number_of)]

@@ -107,8 +107,8 @@ class RegisterBank:
         return self._at.get((table, address)) or self._at.get(("", address))
 
     def _object(self, table: str, address: int, words: int) -> Register | None:
-        found = self._objects.get((table, address)) or self._objects.get(("", address))
-        return found if found is not None and found.words == words else None
+        register = self._objects.get((table, address)) or self._objects.get(("", address))
+        return register if register is not None and register.words == words else None
 
     def __contains__(self, name: str) -> bool:
         return name in self.registers
@@ -147,13 +147,13 @@ class RegisterBank:
         known: dict[str, list[int]] = {}
         words = []
         for at in range(address, address + count):
-            found = self._find(table, at)
-            if found is None and table in self.gaps_read_zero and at <= 0xFFFF:
+            register = self._find(table, at)
+            if register is None and table in self.gaps_read_zero and at <= 0xFFFF:
                 words.append(0)
                 continue
-            if found is None or "r" not in found[0].access:
+            if register is None or "r" not in register[0].access:
                 raise Refusal(ILLEGAL_ADDRESS)
-            one, word = found
+            one, word = register
             if one.name not in known:
                 known[one.name] = one.encode(self.number(one.name))
             words.append(known[one.name][word])
@@ -167,10 +167,10 @@ class RegisterBank:
         places: list[tuple[Register, int]] = []
         whole = self._object(table, address, len(words)) if self.objects else None
         for at in range(address, address + len(words)):
-            found = self._find(table, at) if whole is None else (whole, at - address)
-            if found is None or "w" not in found[0].access or (self.objects and whole is None):
+            place = self._find(table, at) if whole is None else (whole, at - address)
+            if place is None or "w" not in place[0].access or (self.objects and whole is None):
                 raise Refusal(ILLEGAL_ADDRESS)
-            places.append(found)
+            places.append(place)
         pieces: dict[str, list[int]] = {}
         for (one, word), value in zip(places, words, strict=True):
             pieces.setdefault(one.name, one.encode(self.values[one.name]))[word] = value

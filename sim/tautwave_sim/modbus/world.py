@@ -25,11 +25,11 @@ def make_line(bus: DriveBus, options: SimulatedModbusOptions) -> SerialLine:
 
 def endpoint_units(options: SimulatedModbusOptions) -> dict[str, tuple[int, ...]]:
     """Return the units behind each TCP endpoint."""
-    found: dict[str, tuple[int, ...]] = {}
+    units: dict[str, tuple[int, ...]] = {}
     for device in options.devices:
         endpoint = device.endpoint or options.endpoint
-        found[endpoint] = (*found.get(endpoint, ()), device.unit)
-    return found
+        units[endpoint] = (*units.get(endpoint, ()), device.unit)
+    return units
 
 
 class ModbusSimulator:

@@ -55,25 +55,25 @@ class Parser:
         """Take bytes; return the packets they complete and how many bytes went before their end."""
         buffer = self._buffer
         buffer += data
-        found: list[tuple[Packet, int]] = []
+        packets: list[tuple[Packet, int]] = []
         while True:
             at = buffer.find(HEADER)
             if at < 0:
                 self._drop(max(len(buffer) - 1, 0))
-                return found
+                return packets
             self._drop(at)
             if len(buffer) < 4:
-                return found
+                return packets
             length = buffer[3]
             if buffer[2] == 0xFF or not 2 <= length <= MAX_LENGTH:
                 self._drop(1)
                 continue
             end = 4 + length
             if len(buffer) < end:
-                return found
+                return packets
             intact = checksum(bytes(buffer[2 : end - 1])) == buffer[end - 1]
             packet = Packet(buffer[2], buffer[4], bytes(buffer[5 : end - 1]), intact)
-            found.append((packet, self._dropped + end))
+            packets.append((packet, self._dropped + end))
             self._drop(end if intact else 2)
 
     def _drop(self, count: int) -> None:

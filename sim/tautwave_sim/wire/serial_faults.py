@@ -68,7 +68,7 @@ class FaultPlan:
         deaf = kinds == (DEAF,)
         for key in ((deaf, device_id), (deaf, None)):
             self._counts[key] = self._counts.get(key, 0) + 1
-        found = ""
+        drawn = ""
         for event in self._events:
             if event.kind not in kinds or event.device_id not in (None, device_id):
                 continue
@@ -77,12 +77,12 @@ class FaultPlan:
             if event.at_s is not None and time_s < event.at_s:
                 continue
             self._events.remove(event)
-            found = event.kind
+            drawn = event.kind
             break
         for kind in kinds:  # drawn whether an event has decided or not: it shifts no stream
             if kind in self._chances and next(self._streams[kind]) < self._chances[kind]:
-                found = found or kind
-        return found
+                drawn = drawn or kind
+        return drawn
 
     def corrupt(self, kind: str, packet: bytes) -> bytes:
         """Return a response with its bytes disturbed; a wrong id or a delay are done elsewhere."""

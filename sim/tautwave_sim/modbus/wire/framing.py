@@ -79,7 +79,7 @@ class TcpStream:
     def feed(self, data: bytes) -> list[TcpRequest]:
         """Take bytes; return the requests that are now complete."""
         self._held += data
-        found = []
+        requests = []
         while len(self._held) >= MBAP:
             length = int.from_bytes(self._held[4:6], "big")
             if self._held[2:4] != b"\0\0" or not 2 <= length <= PDU_MOST + 1:
@@ -90,6 +90,6 @@ class TcpStream:
                 break
             transaction = int.from_bytes(self._held[:2], "big")
             pdu = bytes(self._held[MBAP : 6 + length])
-            found.append(TcpRequest(transaction, self._held[6], pdu))
+            requests.append(TcpRequest(transaction, self._held[6], pdu))
             del self._held[: 6 + length]
-        return found
+        return requests

@@ -54,9 +54,9 @@ class RtuStation:
         self._end_ns = max(self._end_ns, sent.end_ns)
         end_ns = self._end_ns
         if len(self._parts) == 1 and sent.baud == self._baud:
-            found = open_rtu(sent.data)
-            if found is not None:
-                self._bus.latch(*found, sent.start_ns)
+            frame = open_rtu(sent.data)
+            if frame is not None:
+                self._bus.latch(*frame, sent.start_ns)
         self._line.call_at(end_ns + self.silent_ns, lambda: self._over(end_ns))
 
     def _follows(self, sent: Transmission) -> bool:
@@ -75,11 +75,11 @@ class RtuStation:
         heard = b"".join(bytes(part.data) for part in self._parts)
         right = all(part.baud == self._baud for part in self._parts)
         self._parts.clear()
-        found = open_rtu(heard) if right else None
-        if found is None:
+        opened = open_rtu(heard) if right else None
+        if opened is None:
             self.dropped += 1
             return
-        unit, pdu = found
+        unit, pdu = opened
         now_ns = end_ns + self.silent_ns
         response, outcome = self._bus.handle(unit, pdu, now_ns)
         if outcome.link is not None:
