@@ -147,9 +147,10 @@ class DeviceSettings:
         wanted = before & ~setting.mask | setting.wanted & setting.mask
         if lasts is Lasts.LOAN:
             self._lent[place] = setting
-            found = setting.idle if before == wanted else before
-            if found is not None and found != wanted:
-                self.loans.setdefault(place, found)  # before it is written: it may be the last act
+            original = setting.idle if before == wanted else before
+            if original is not None and original != wanted:
+                # Before it is written: that may be the last act.
+                self.loans.setdefault(place, original)
         if before == wanted:
             return Settled(before, before)
         if lasts is Lasts.WRITTEN and not self._configure:
@@ -179,20 +180,20 @@ class DeviceSettings:
         """
         listed, made = len(self.differences), len(self.changed)
         try:
-            found = self.settle(setting)
+            settled = self.settle(setting)
         except BaseException:
             if len(self.changed) > made:
                 self.notes.append(f"{self.where}: {setting.name} was written, but not read back")
             raise
-        if found.refusal is not None:
-            raise found.refusal
-        if found.before is None or found.after is None or len(self.differences) > listed:
+        if settled.refusal is not None:
+            raise settled.refusal
+        if settled.before is None or settled.after is None or len(self.differences) > listed:
             return
-        wanted = found.before & ~setting.mask | setting.wanted & setting.mask
-        self._compare(setting, found.after, wanted)
-        if found.before != wanted:
+        wanted = settled.before & ~setting.mask | setting.wanted & setting.mask
+        self._compare(setting, settled.after, wanted)
+        if settled.before != wanted:
             self.hold(setting._replace(wanted=wanted))
-            change = _change(setting, found.before, wanted)
+            change = _change(setting, settled.before, wanted)
             self.notes.append(f"{self.where}: {change} written and read back")
 
     def put(self, setting: DeviceSetting) -> None:
@@ -222,17 +223,17 @@ class DeviceSettings:
 
     def forgotten(self) -> list[tuple[DeviceSetting, int]]:
         """Read once more what the device forgets without power; return what it holds instead."""
-        found = [(one, self._read(one.place)) for one in self.held.values()]
-        return [(one, value) for one, value in found if value != one.wanted]
+        values = [(one, self._read(one.place)) for one in self.held.values()]
+        return [(one, value) for one, value in values if value != one.wanted]
 
     def give_back(self) -> None:
         """Set every loan to what was found, as far as the device responds."""
         for place, value in list(self.loans.items()):
             try:
-                found = self.settle(DeviceSetting(place, "", value))
+                settled = self.settle(DeviceSetting(place, "", value))
             except DriverError:
                 return
-            if found.after == value:
+            if settled.after == value:
                 del self.loans[place]
 
     def without_loans(self, store: Callable[[], object]) -> None:
@@ -251,9 +252,9 @@ class DeviceSettings:
         self.give_back()
         store()
         for setting in again:
-            found = self.settle(setting)
-            if found.after != setting.wanted:
-                shown = "nothing" if found.after is None else setting.show(found.after)
+            settled = self.settle(setting)
+            if settled.after != setting.wanted:
+                shown = "nothing" if settled.after is None else setting.show(settled.after)
                 raise DeviceFault(
                     f"{self.where}: {setting.name} is {shown} after "
                     f"{setting.show(setting.wanted)} was written; it was set before its settings "

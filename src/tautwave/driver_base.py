@@ -104,8 +104,8 @@ class DriverBase(ABC):
         """Return what was reported since the last call."""
         if not self._faults:
             return ()
-        found, self._faults = self._faults, []
-        return found
+        reported, self._faults = self._faults, []
+        return reported
 
     def close(self) -> None:
         """Disable and release the bus; idempotent, never raises."""

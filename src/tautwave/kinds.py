@@ -120,5 +120,5 @@ def refused(path: Path, kind: str, raw: bytes | None = None) -> str:
     """
     if kind not in WANTED:
         return ""
-    found = kind_of_path(path) if raw is None else kind_of_bytes(path, raw)
-    return mistaken(path, found, WANTED[kind])
+    kind_there = kind_of_path(path) if raw is None else kind_of_bytes(path, raw)
+    return mistaken(path, kind_there, WANTED[kind])

@@ -203,10 +203,10 @@ def recorded_efforts(
 ) -> Array:
     """Efforts of a recording at new times; without `repeat` none after its end."""
     recorded, (values,) = _played(path, [column], time_column, stated)
-    found = recorded_positions(recorded, values, times, repeat)
+    efforts = recorded_positions(recorded, values, times, repeat)
     if not repeat:
-        found[times > recorded[-1] - recorded[0]] = 0.0
-    return found
+        efforts[times > recorded[-1] - recorded[0]] = 0.0
+    return efforts
 
 
 def waypoint_positions(waypoints: Sequence[Sequence[float]], times: Array) -> Array:

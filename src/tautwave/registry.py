@@ -268,10 +268,10 @@ def _found(look_up: Callable[..., Iterable[EntryPoint]], group: str) -> dict[str
 
 def _load(group: str, name: str, kind: type[Any]) -> Any:
     what = group.removeprefix("tautwave.").removesuffix("s")
-    found = _find(group)
-    if name not in found:
-        raise ConfigError(unknown_word(what, name, sorted(found)))
-    point = found[name]
+    installed = _find(group)
+    if name not in installed:
+        raise ConfigError(unknown_word(what, name, sorted(installed)))
+    point = installed[name]
     try:
         plugin = point.load()
     except Exception as err:

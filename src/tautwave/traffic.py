@@ -156,7 +156,7 @@ def parse_lines(lines: Iterable[str], where: str, hosts: Callable[[int], bool]) 
     ConfigError
         A line is neither.
     """
-    found = []
+    events = []
     for number, line in enumerate(lines, 1):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -167,8 +167,8 @@ def parse_lines(lines: Iterable[str], where: str, hosts: Callable[[int], bool]) 
                 f"{where}:{number}: {line.strip()[:60]!r} is no line of traffic: TIME BUS > HEX, "
                 "TIME BUS < ID#HEX, or one of candump -L"
             )
-        found.append(event)
-    return found
+        events.append(event)
+    return events
 
 
 def _event(words: list[str], hosts: Callable[[int], bool]) -> Event | None:
