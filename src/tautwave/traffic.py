@@ -8,18 +8,23 @@ last seconds are kept.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple, TypeVar
 
 from tautwave.contracts import Clock
 from tautwave.errors import ConfigError
 
 LEAVING = "*"
 """In place of a bus: from here on this host switches all devices off."""
+RUNNING = "#"
+"""In place of a bus: from here on cycles run. For readers such a line is a comment."""
 BYTES = -1
 """In place of an id: not a CAN frame."""
 EXTENDED = 0x80000000
+
+T = TypeVar("T")
 
 
 class Event(NamedTuple):
@@ -35,6 +40,8 @@ class Event(NamedTuple):
         """Return it as a line of text."""
         if self.bus == LEAVING:
             return f"{self.at_ns * 1e-9:.6f} {LEAVING} leaving"
+        if self.bus == RUNNING:
+            return f"{RUNNING} {self.at_ns * 1e-9:.6f} running"
         what = self.data.hex().upper()
         if self.can_id != BYTES:
             width = 8 if self.can_id & EXTENDED else 3
@@ -42,30 +49,62 @@ class Event(NamedTuple):
         return f"{self.at_ns * 1e-9:.6f} {self.bus} {'>' if self.out else '<'} {what}"
 
 
+def around_gap(first: Sequence[T], last: Sequence[T], sent: Callable[[T], bool]) -> list[T]:
+    """Return what one bus had before and after a gap, without exchanges that the gap cuts.
+
+    An exchange begins with what was `sent` after something was received.
+    """
+    ends, begins = _begins(first, sent), _begins(last, sent)
+    return [*first[: ends[-1] if ends else None], *last[begins[0] if begins else 0 :]]
+
+
+def _begins(events: Sequence[T], sent: Callable[[T], bool]) -> list[int]:
+    return [at for at, (one, two) in enumerate(pairwise(events), 1) if sent(two) and not sent(one)]
+
+
 class Traffic:
-    """The first and the last `span_s` of what passes; `at_most` events of each."""
+    """What passes up to `span_s` after the first cycle, and in the last `span_s`.
+
+    Devices are opened and enabled before that cycle, which takes as long as it takes. Exchanges are
+    kept whole; of each part at most `at_most` events.
+    """
 
     def __init__(self, span_s: float, at_most: int = 20_000) -> None:
         self._span_ns = round(span_s * 1e9)
         self._first: list[Event] = []
         self._last: deque[Event] = deque(maxlen=at_most)
         self._at_most = at_most
+        self._left_out = False
+        self._running_ns: int | None = None
 
     def add(self, event: Event) -> None:
         """Take an event."""
         first, last = self._first, self._last
-        early = not first or event.at_ns - first[0].at_ns <= self._span_ns
+        if event.bus == RUNNING and self._running_ns is None:
+            self._running_ns = event.at_ns
+        early = self._running_ns is None or event.at_ns - self._running_ns <= self._span_ns
         if early and len(first) < self._at_most:
             first.append(event)
             return
+        self._left_out = self._left_out or len(last) == self._at_most
         last.append(event)
         while event.at_ns - last[0].at_ns > self._span_ns:
             last.popleft()
+            self._left_out = True
 
     @property
     def events(self) -> list[Event]:
-        """Everything that was kept."""
-        return [*self._first, *self._last]
+        """Everything that was kept, without a request or an answer whose other half is not."""
+        kept = []
+        numbered = list(enumerate([*self._first, *self._last]))
+        for bus in dict.fromkeys(event.bus for _, event in numbered):
+            own = [one for one in numbered if one[1].bus == bus]
+            if self._left_out and bus not in (LEAVING, RUNNING):
+                first = [one for one in own if one[0] < len(self._first)]
+                own = around_gap(first, own[len(first) :], lambda one: one[1].out)
+            kept += own
+        kept.sort(key=lambda one: (one[1].at_ns, one[0]))
+        return [event for _, event in kept]
 
 
 _recording: list[Traffic] = []
@@ -86,6 +125,12 @@ def note_leaving(clock: Clock) -> None:
     """Note that all devices are switched off from now on."""
     if _recording:
         _recording[-1].add(Event(clock.now_ns(), LEAVING, True, BYTES, b""))
+
+
+def note_running(clock: Clock) -> None:
+    """Note that all devices are open and enabled, and cycles begin."""
+    if _recording:
+        _recording[-1].add(Event(clock.now_ns(), RUNNING, True, BYTES, b""))
 
 
 def tapped(bus: str, port: Any, clock: Clock) -> Any:
@@ -130,8 +175,9 @@ class _Tap:
 
     def receive(self) -> tuple[int, bytes, int] | None:
         frame: tuple[int, bytes, int] | None = self._port.receive()
-        if frame is not None:
-            self._add(Event(self._now_ns(), self._bus, False, frame[0], bytes(frame[1])))
+        if frame is not None:  # when it came, not when it was read
+            at_ns = min(frame[2], self._now_ns())
+            self._add(Event(at_ns, self._bus, False, frame[0], bytes(frame[1])))
         return frame
 
     def port(self, endpoint: str) -> Any:

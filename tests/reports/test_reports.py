@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tautwave.clock import FakeClock
 from tautwave.errors import ConfigError
+from tautwave.session import bus_replay
 from tautwave.session.acceptance.shared import KEEP, read_shared
+from tautwave.session.bus_player import Player, key_of, sent_by_hosts
 from tautwave.session.bus_replay import (
     Replayed,
-    key_of,
     read_traffic,
     replay_bus,
-    sent_by_hosts,
     shared_rig,
 )
-from tautwave.traffic import BYTES, EXTENDED, LEAVING, Event, Traffic, parse_lines
+from tautwave.traffic import BYTES, EXTENDED, LEAVING, RUNNING, Event, Traffic, parse_lines
 from tests.commands import tautwave
 from tests.reports import rates
-from tests.reports.make import WALKS, make
+from tests.reports.make import WALKS, make, shipped
 from tests.reports.table import NONE, PAGE, page, reports
 
 OUTCOMES = {
@@ -53,7 +55,8 @@ def test_a_report_is_played_to_its_outcome(path: Path) -> None:
     assert any(note in one for one in found.notes), found.notes
     assert found.enabled
     assert found.cycles > 50
-    assert found.samples > found.cycles
+    axes = sum(axis.bus == found.bus for axis in shared_rig(read_shared(path).rig).axes.values())
+    assert found.samples == axes * found.cycles, found.notes
     assert not found.unknown
 
 
@@ -108,6 +111,113 @@ def test_a_request_that_was_not_recorded_is_counted() -> None:
     assert "no answer" in found.said
 
 
+def line(text: str) -> Event:
+    return parse_lines([text], "t", sent_by_hosts)[0]
+
+
+def player(*lines: str) -> tuple[Player, FakeClock]:
+    clock = FakeClock(1_000_000_000)
+    return Player([line(one) for one in lines], clock), clock
+
+
+def heard(port: Player, clock: FakeClock, can_id: int, text: str) -> list[str]:
+    """Send a frame; return what comes within 5 ms."""
+    port.send(can_id, bytes.fromhex(text))
+    clock.sleep_until(clock.now_ns() + 5_000_000)
+    found = iter(port.receive, None)
+    return [f"{frame[0]:X}#{frame[1].hex().upper()}" for frame in found]
+
+
+CYCLE = (
+    "1.000 can > 080#", "1.000 can > 77F#05", "1.000 can > 601#4077600000000000",
+    "1.000 can < 701#05", "1.0002 can < 181#0102", "1.001 can > 201#0000",
+    "1.001 can < 581#4B77600007000000",
+)  # fmt: skip
+
+
+def test_what_is_under_way_together_comes_with_its_own_request() -> None:
+    """An SDO and a heartbeat of the host between a SYNC and its answers: none is swapped."""
+    port, clock = player(*CYCLE)
+    assert heard(port, clock, 0x77F, "05") == []
+    assert heard(port, clock, 0x80, "") == ["701#05", "181#0102"]
+    assert heard(port, clock, 0x201, "0000") == []
+    assert heard(port, clock, 0x601, "4077600000000000") == ["581#4B77600007000000"]
+    port, clock = player("0.9 can > 080#", "1.0 can > 000#8101", "1.01 can < 701#00")
+    assert heard(port, clock, 0, "8101") == []
+    clock.sleep_until(clock.now_ns() + 10_000_000)
+    assert port.receive() is not None  # it booted, which no SYNC asked for
+
+
+def test_an_object_that_was_not_recorded_does_not_exist_or_has_what_was_written() -> None:
+    port, clock = player("1.0 can > 601#2B17100014000000", "1.0 can < 581#6017100000000000", *CYCLE)
+    assert heard(port, clock, 0x601, "4018100100000000") == ["581#8018100100000206"]
+    assert heard(port, clock, 0x601, "4017100000000000") == ["581#8017100000000206"]
+    assert heard(port, clock, 0x601, "2B17100014000000") == ["581#6017100000000000"]
+    assert heard(port, clock, 0x601, "4017100000000000") == ["581#4B17100014000000"]
+    assert heard(port, clock, 0x601, "2B07600002000000") == ["581#8007600000000206"]
+    assert sum(port.unknown.values()) == 4
+
+
+def test_a_register_that_was_not_recorded_is_no_address() -> None:
+    port, _ = player("1.0 line > 0001000000060103000A0001", "1.0 line < 00010000000501030200AA")
+    port.write(bytes.fromhex("0009000000060103000A0001"))
+    assert port.read() == bytes.fromhex("00090000000501030200AA")
+    port.write(bytes.fromhex("000A000000060103000B0001"))
+    assert port.read() == bytes.fromhex("000A00000003018302")
+    assert sum(port.unknown.values()) == 1
+    port.write(bytes.fromhex("0103000B0001F5C8"))  # RTU: whatever its checksum, it stays silent
+    assert port.read() == b""
+
+
+def test_the_request_that_the_end_cut_off_is_not_played() -> None:
+    port, clock = player("1.0 c > 080#", "1.001 c < 181#01", "1.01 c > 080#", "1.0 * leaving")
+    assert port.left == 1
+    assert heard(port, clock, 0x80, "") == heard(port, clock, 0x80, "") == ["181#01"]
+
+
+def test_an_open_that_takes_long_is_kept_whole_and_a_gap_cuts_no_exchange() -> None:
+    traffic = Traffic(1.0)
+    for k in range(30):  # 3 s until the devices are on
+        traffic.add(line(f"{k / 10} a > {k:02X}"))
+        traffic.add(line(f"{k / 10 + 0.05} a < {k:02X}"))
+    traffic.add(Event(3_000_000_000, RUNNING, True, BYTES, b""))
+    for k in range(30, 100):
+        traffic.add(line(f"{k / 10} a > {k:02X}"))
+        traffic.add(line(f"{k / 10 + 0.06} b < {k:02X}"))
+        traffic.add(line(f"{k / 10 + 0.05} a < {k:02X}"))
+    kept = [one for one in traffic.events if one.bus == "a"]
+    asked = [one.data[0] for one in kept if one.out]
+    assert asked == [one.data[0] for one in kept if not one.out]
+    assert asked[:30] == list(range(30))
+    assert 39 <= asked.index(91) <= 41
+    assert [one.at_ns for one in traffic.events] == sorted(one.at_ns for one in traffic.events)
+    lines = [one.line() for one in traffic.events]
+    assert "# 3.000000 running" in lines
+    assert len(parse_lines(lines, "t", sent_by_hosts)) == len(lines) - 1
+
+
+def test_protocol_1_is_told_by_address_and_count_not_by_values() -> None:
+    read, other = bytes.fromhex("FFFF0104020005F3"), bytes.fromhex("FFFF010402280AC6")
+    assert key_of(BYTES, read) != key_of(BYTES, other)
+    write, again = bytes.fromhex("FFFF01050328010000CD")[:9], bytes.fromhex("FFFF0105032802CC00")
+    assert key_of(BYTES, write) == key_of(BYTES, again)
+    assert key_of(BYTES, read + other) == (*key_of(BYTES, read), *key_of(BYTES, other))
+
+
+def test_devices_without_a_watchdog_are_refused_where_they_were() -> None:
+    """The recording ends there, or it goes on: then they were allowed."""
+    path = path_of("simulated-dynamixel-scale")
+    events, rig = read_traffic(path)
+    assert not replay_bus(shared_rig(rig), "bus1", events).said
+    end = max(at for at, one in enumerate(events) if one.bus == LEAVING)
+    sent = [at for at, one in enumerate(events[:end]) if one.out and one.bus != LEAVING]
+    _, left = bus_replay._played(shared_rig(rig), "bus1", events, allow_unwatched=False)
+    refused = events[: sent[-left]]
+    found = replay_bus(shared_rig(rig), "bus1", refused)
+    assert "--allow-unwatched" in found.said
+    assert not found.enabled
+
+
 # -- lines of traffic ------------------------------------------------------------------------
 
 
@@ -146,9 +256,10 @@ def test_what_is_no_line_is_named(line: str) -> None:
 
 def test_the_first_and_the_last_second_are_kept() -> None:
     traffic = Traffic(1.0)
+    traffic.add(Event(0, RUNNING, True, BYTES, b""))
     for k in range(100):
         traffic.add(Event(k * 100_000_000, "b", True, BYTES, bytes((k,))))
-    kept = [one.data[0] for one in traffic.events]
+    kept = [one.data[0] for one in traffic.events if one.bus == "b"]
     assert kept == [*range(11), *range(89, 100)]
 
 
@@ -197,6 +308,39 @@ def test_the_page_of_rates_is_made_of_the_budgets_and_the_files() -> None:
     assert len(list(rates.bus_rows())) == len(rates.CASES)
     real = [path for path in reports() if read_shared(path).clock == "real"]
     assert (rates.NOBODY in rates.page()) == (not real)
+
+
+HEALTHY = {
+    "bench-canopen-virtual": 1, "bench-mit-virtual": 1, "bench-dynamixel-sim": 1,
+    "bench-modbus-rtu-sim": 1, "bench-modbus-tcp-sim": 1, "bench-mixed-sim": 2, "three-bus-sim": 3,
+}  # fmt: skip
+"""Shipped rigs of every protocol, with how many buses; three of them serve one every nth cycle."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HEALTHY)
+def test_a_healthy_day_is_played_without_a_sample_missing(name: str, tmp_path: Path) -> None:
+    data = shipped(name)
+    axis = f"slave.{next(iter(data['slave']['axes']))}"
+    (tmp_path / "rig.yaml").write_text(json.dumps(data))
+    (tmp_path / "answers.txt").write_text("0.1\n" * 2)
+    words = ["accept", "rig.yaml", "--by", "tests", "--clock", "fake", "--axis", axis]
+    words += ["--script", "answers.txt", "--stages", "identity,motion", "--share", "day.json"]
+    done = tautwave(*words, cwd=tmp_path)
+    assert done.exit_code == 0, done.output
+    for stage in ("identity", "motion"):
+        events, tree = read_traffic(tmp_path / "day.json", stage)
+        rig = shared_rig(tree)
+        buses = sorted({one.bus for one in events if one.bus in rig.buses})
+        assert len(buses) == HEALTHY[name]
+        for bus in buses:
+            found = replay_bus(rig, bus, [one for one in events if one.bus in (bus, LEAVING)])
+            axes = sum(axis.bus == bus for axis in rig.axes.values())
+            assert (found.said, found.enabled) == ("", True)
+            assert found.samples == axes * found.cycles
+            assert found.cycles > 10
+            assert not found.unknown
+            assert not [note for note in found.notes if "missing" in note]
 
 
 @pytest.mark.slow

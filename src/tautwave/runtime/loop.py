@@ -18,7 +18,7 @@ from tautwave.runtime.control import Control
 from tautwave.runtime.damping import DampingDriver
 from tautwave.runtime.sensing import LoopBus, Sensing, bus_commands, first_axes
 from tautwave.runtime.timing import Histogram
-from tautwave.traffic import note_leaving
+from tautwave.traffic import note_leaving, note_running
 from tautwave.types import SAFE_COMMAND, Fault
 
 ENABLE_TIMEOUT_S = 10.0
@@ -255,6 +255,7 @@ class Loop:
         control = self._control
         period = control.run.period_ns
         deadline = clock.now_ns()
+        note_running(clock)
         if self._begun is not None:
             self._begun(deadline)
         slot = cycles = missed = skipped = 0

@@ -40,7 +40,7 @@ STAGES = (
 
 GENTLE = 0.1
 TRAFFIC_S = 1.0
-"""How much of each stage's traffic is kept, from its beginning and before its end."""
+"""How much of each stage's traffic is kept, after its first cycle and before its end."""
 
 
 class Acceptance(NamedTuple):

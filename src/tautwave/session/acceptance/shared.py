@@ -26,6 +26,7 @@ from tautwave.files import write_text
 from tautwave.reading import read_file
 from tautwave.recordings.recording import read_recording
 from tautwave.session.acceptance.document import FILE, LARGEST, TRAFFIC, verify
+from tautwave.traffic import RUNNING, around_gap
 
 Format = Literal["tautwave shared acceptance 1"]
 KEEP = ("names", "serial", "paths", "hosts")
@@ -33,7 +34,7 @@ KEEP = ("names", "serial", "paths", "hosts")
 SPAN_S, MAX_ROWS = 2.0, 100
 """Of each stage, the last seconds, and so many rows of them."""
 MAX_LINES = 1000
-"""Of the traffic of each stage, from its beginning and before its end."""
+"""Of the traffic of each bus in a stage, after its first cycle and before its end."""
 ENDINGS = (".position", ".velocity", ".command", ".total", ".effort")
 TIMES = ("lateness_us", "compute_us", ".answer_us")
 SERIAL, PATH, HOST, SOURCE = "<serial>", "<path>", "<host>", "<source>"
@@ -354,9 +355,16 @@ def _traffic(folder: Path, cleaner: _Cleaner) -> dict[str, list[str]]:
     """Return the lines of a stage's traffic: the first, and the last."""
     if not (folder / TRAFFIC).is_file():
         return {}
-    lines = read_file(folder / TRAFFIC, LARGEST).decode().splitlines()
-    kept = lines if len(lines) <= 2 * MAX_LINES else [*lines[:MAX_LINES], *lines[-MAX_LINES:]]
-    return {"traffic": cleaner.lines(kept)}
+    numbered = list(enumerate(read_file(folder / TRAFFIC, LARGEST).decode().splitlines()))
+    begun = next((at for at, line in numbered if line.startswith(RUNNING)), 0)
+    kept = []
+    for bus in dict.fromkeys(line.split()[1] for _, line in numbered):
+        own = [one for one in numbered if one[1].split()[1] == bus]
+        most = MAX_LINES + sum(at < begun for at, _ in own)
+        if len(own) > most + MAX_LINES:
+            own = around_gap(own[:most], own[-MAX_LINES:], lambda one: " > " in one[1])
+        kept += own
+    return {"traffic": cleaner.lines([line for _, line in sorted(kept)])}
 
 
 def _short(value: float) -> float | None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
 from tautwave.contracts import Row
+from tautwave.controller.axis import is_due, miss_sample, pass_slot
 from tautwave.controller.records import FINISHED, AxisParams, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import stop_on_guard
@@ -131,8 +132,8 @@ class GuidedControl(Control):
     def step(self, slot: int, skipped: int) -> bool:
         """Let the guide go on by one slot."""
         self._slot = slot
-        for which, (s, p, m) in enumerate(zip(self.axes, self.params, self.samples, strict=True)):
-            self._seated[which] = sense_resting(s, p, m, self._table, skipped, self._seated[which])
+        due = [self._sense(which, slot, skipped) for which in range(len(self.axes))]
+        for which, (s, p) in enumerate(zip(self.axes, self.params, strict=True)):
             s.guard = guard_axis(p.site.limit, s.position, s.velocity) if self._guarded else 0
             stop_on_guard(self.run, self.state, self.axes, slot, which)
         going = self.state.kind == FINISHED and self.state.end == self.run.cycles
@@ -144,11 +145,27 @@ class GuidedControl(Control):
                 self.over = True
                 self.stop_after(slot)
         for which, (s, p) in enumerate(zip(self.axes, self.params, strict=True)):
+            if not due[which]:
+                continue
             effort = -self._push[which] if going and s.valid else 0.0
             send_resting(s, p, effort, p.ceiling, pushes=True)
             if going and s.valid and not (p.impedance or s.dead):
                 s.command = self._drive[which]
         return True
+
+    def _sense(self, which: int, slot: int, skipped: int) -> bool:
+        """Take an axis' sample if its bus was served in this slot; return whether it was."""
+        s, p, m = self.axes[which], self.params[which], self.samples[which]
+        passed = sum(is_due(p, at) for at in range(slot - skipped, slot))
+        here = is_due(p, slot)
+        if here:
+            seated = self._seated[which]
+            self._seated[which] = sense_resting(s, p, m, self._table, passed, seated)
+        elif passed and self._seated[which]:
+            for _ in range(passed):
+                pass_slot(s, p, self._table, ALONE.steps)
+            miss_sample(s, p, ALONE.steps)
+        return here
 
     def fill(self, row: Row, at: int) -> None:
         """Write all columns at index `at`; there are no books without a coupling."""

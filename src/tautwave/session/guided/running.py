@@ -112,11 +112,6 @@ def run_guided(
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
-    slow = [name for name, bus in rig.buses.items() if bus.divisor > 1]
-    if slow:
-        raise ConfigError(
-            f"buses.{slow[0]}.divisor: must be 1 here: every axis is read in every cycle"
-        )
     # Devices simulated in this process are held until they are enabled.
     torque = torque or any(way.way is Way.MEMORY for way in taken.values())
     here = any(way.way in (Way.MEMORY, Way.SERVED) for way in taken.values())
