@@ -102,6 +102,7 @@ def _side(rig: Rig, axis_name: str) -> dict[str, Any]:
         "driver": rig.buses[axis.bus].driver,
         "causality": axis.causality,
         "effort_limit": axis.effort_limit,
+        "range": axis.position_range,
         "wall": None if wall is None else wall.position,
     }
 

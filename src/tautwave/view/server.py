@@ -21,6 +21,7 @@ from websockets.typing import Subprotocol
 from tautwave.config import Rig, load_rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.view.drawn import Drawn
 from tautwave.view.facts import commands_of
 from tautwave.view.foxglove import SUBPROTOCOLS, FoxgloveViewer
 from tautwave.view.foxglove_layout import layout_of
@@ -35,6 +36,9 @@ LOOK_S = 1.0 / 30.0
 
 LOOKS_A_NUMBER = 6
 """From one time that pages are told what has happened to the next: 0.2 s, so it can be read."""
+
+LOOKS_A_PICTURE = 2
+"""The same for arms that are drawn."""
 
 WAIT_S, KNOCK_S = 0.2, 5.0
 MAX_VIEWERS = 16
@@ -130,6 +134,7 @@ class Server:
         self.news: list[Any] = []
         self.newest: Sequence[float] = ()
         self.so_far: SoFar | None = None
+        self.drawn: Drawn | None = None
         self._one_change = asyncio.Lock()
 
     async def serve(self) -> None:
@@ -178,6 +183,7 @@ class Server:
         run = Watched.of_run(self.directory)
         self.rig = load_rig(self.directory / "rig.yaml", choose=False)
         self.so_far = SoFar(run.live.columns, silence_of(self.rig))
+        self.drawn = Drawn(run.live.columns, self.rig)
         self.run = run
 
     async def _begin(self) -> None:
@@ -198,6 +204,7 @@ class Server:
         run, so_far = self.run, self.so_far
         assert run is not None
         assert so_far is not None
+        assert self.drawn is not None
         width = len(run.live.columns)
         sent, told = "", so_far.facts()
         looks = 0
@@ -217,6 +224,9 @@ class Server:
                 self.news = list(parse_json(news))
                 so_far.take_news(self.news)
             looks += 1
+            if rows and looks % LOOKS_A_PICTURE == 0 and (poses := self.drawn.pose(self.newest)):
+                for viewer in self.viewers:
+                    viewer.show(poses)
             if ended or looks % LOOKS_A_NUMBER == 0:
                 kinds, facts = so_far.take_new(), so_far.facts()
                 if kinds or facts != told:

@@ -13,6 +13,7 @@ from websockets.asyncio.server import ServerConnection, broadcast
 from tautwave.config import Rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import TautwaveError
+from tautwave.view.drawn import Drawn
 from tautwave.view.facts import facts_of
 from tautwave.view.so_far import SoFar
 from tautwave.view.watched import Watched
@@ -32,6 +33,7 @@ class Hub(Protocol):
     newest: Sequence[float]
     news: list[Any]
     so_far: SoFar | None
+    drawn: Drawn | None
 
     def knows(self, token: object) -> bool:
         """Return whether that is the token."""
@@ -60,7 +62,9 @@ class Viewer:
         assert self.hub.run is not None
         assert self.hub.rig is not None
         assert self.hub.so_far is not None
-        self.tell("hello", **facts_of(self.hub.run.live, self.hub.rig), may=self.may)
+        assert self.hub.drawn is not None
+        facts = facts_of(self.hub.run.live, self.hub.rig)
+        self.tell("hello", **facts, arms=self.hub.drawn.facts(), may=self.may)
         self.tell("so_far", kinds=self.hub.so_far.kinds(), **self.hub.so_far.facts())
         self.greeted = True
 
@@ -70,6 +74,11 @@ class Viewer:
             self.left_out += count
             return
         self.send_rows(first, missed + self.left_out, rows)
+
+    def show(self, arms: Sequence[Mapping[str, Any]]) -> None:
+        """Say where the arms are; left out for one that does not take its rows."""
+        if self.socket.transport.get_write_buffer_size() <= MAX_WAITING:
+            self.tell("drawn", arms=arms)
 
     def send_rows(self, first: int, missed: int, rows: bytes) -> None:
         """Send rows of float64, and how many it has not got."""

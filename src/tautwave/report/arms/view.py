@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tautwave.config import Rig
-from tautwave.config.inputs.chains import chain_constants
 from tautwave.errors import TautwaveError
-from tautwave.models.chain.kinematics import chain_frames, tip_pose
-from tautwave.registry import load_driver
+from tautwave.models.chain.params import ChainParams
+from tautwave.report.arms.parts import ArmParts, arm_parts, arm_points
 from tautwave.report.arms.solids import Wire, wires_of
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
@@ -79,7 +77,8 @@ def view_arms(run: Run) -> ArmsView | None:
     try:
         rig = run.checked_rig
         rows = np.unique(np.linspace(0, run.rows - 1, DRAWN).astype(int))
-        arms = [*_of_sides(run, rig, rows), *_of_tips(run, rig, rows)]
+        seen = (_view(run, arm, rows) for arm in arm_parts(rig))
+        arms = [view for view in seen if view is not None]
     except TautwaveError:
         return None
     if not arms:
@@ -92,46 +91,27 @@ def view_arms(run: Run) -> ArmsView | None:
     return ArmsView(run.read("time_s")["time_s"][rows], arms, int(np.argmax(spent)))
 
 
-def _of_sides(run: Run, rig: Rig, rows: Any) -> Iterator[ArmView]:
-    """Yield the arms whose joints are the axes of a side."""
-    for side in ("master", "slave"):
-        keys = getattr(rig, side).arm
-        if keys is None:
-            continue
-        q = _columns(run, [f"{side}.{name}.position" for name in getattr(rig, side).axes], rows)
-        if q is not None:
-            yield ArmView(side, side, _places(chain_constants(keys), q), {}, {})
-
-
-def _of_tips(run: Run, rig: Rig, rows: Any) -> Iterator[ArmView]:
-    """Yield the arms behind tips."""
-    for name, bus in rig.buses.items():
-        if bus.driver != "arm":
-            continue
-        options: Any = load_driver("arm").options.model_validate(bus.options)
-        axes = {full: axis for full, axis in rig.axes.items() if axis.bus == name}
-        side = next(iter(axes)).partition(".")[0]
-        q = _columns(run, [f"joints.{side}.{joint}.position" for joint in options.joints], rows)
-        if q is None:
-            continue
-        frame = np.array(options.task().frame).reshape(3, 3)  # rows are the axes
-        forces = {}
-        coupling = np.zeros((len(rows), 3))
-        for full, axis in axes.items():
-            if axis.id <= 3:
-                effort = _columns(run, [f"{full}.port_effort"], rows)
-                if effort is not None:
-                    coupling[:, axis.id - 1] = -effort[:, 0]  # the port's is what resists
-        forces["coupling"] = coupling @ frame
-        for wall in options.walls:
-            force = _columns(run, [f"space.{name}.{wall}.f{c}" for c in "xyz"], rows)
-            if force is not None:
-                forces[wall] = force @ frame
-        joints = _places(options.believed(), q)
-        reach = float(np.abs(joints - joints[:, :1]).max())
-        near = joints[:, -1].mean(axis=0)
-        walls = {key: wires_of(wall, frame, reach, near) for key, wall in options.walls.items()}
-        yield ArmView(name, side, joints, forces, walls)
+def _view(run: Run, arm: ArmParts, rows: Any) -> ArmView | None:
+    q = _columns(run, arm.joints, rows)
+    if q is None:
+        return None
+    frame = np.array(arm.frame)
+    forces = {}
+    for name, components in arm.forces.items():
+        along = np.zeros((len(rows), 3))
+        known = False
+        for column, axis, factor in components:
+            found = _columns(run, [column], rows)
+            if found is not None:
+                along[:, axis] = factor * found[:, 0]
+                known = True
+        if known or name == "coupling":
+            forces[name] = along @ frame
+    joints = _places(arm.chain, q)
+    reach = float(np.abs(joints - joints[:, :1]).max())
+    near = joints[:, -1].mean(axis=0)
+    walls = {key: wires_of(wall, frame, reach, near) for key, wall in arm.walls.items()}
+    return ArmView(arm.name, arm.side, joints, forces, walls)
 
 
 def _columns(run: Run, names: Sequence[str], rows: Any) -> Floats | None:
@@ -140,14 +120,12 @@ def _columns(run: Run, names: Sequence[str], rows: Any) -> Floats | None:
     return np.stack(known, axis=1) if known and len(known) == len(names) else None
 
 
-def _places(chain: Any, q: Floats) -> Floats:
+def _places(chain: ChainParams, q: Floats) -> Floats:
     """Return base, joints and tip at every row; a row without a sample repeats the one before."""
-    places = np.zeros((len(q), q.shape[1] + 2, 3))
+    found = np.zeros((len(q), q.shape[1] + 2, 3))
     for row, posture in enumerate(q.tolist()):
-        if not all(math.isfinite(at) for at in posture):
-            places[row] = places[row - 1]
-            continue
-        frames = chain_frames(chain, posture)
-        places[row, 1:-1] = [frame[11:14] for frame in frames]
-        places[row, -1] = tip_pose(chain, frames)[:3]
-    return places
+        if all(math.isfinite(at) for at in posture):
+            found[row] = arm_points(chain, posture)
+        else:
+            found[row] = found[row - 1]
+    return found

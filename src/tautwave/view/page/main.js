@@ -1,6 +1,7 @@
 // The page of a run: one socket in, and what it brings given to scope, drawing and buttons.
 
 import { Controls } from "./controls.js";
+import { Figures } from "./figures.js";
 import { Schematic } from "./schematic.js";
 import { Scope } from "./scope.js";
 import { Store } from "./store.js";
@@ -33,6 +34,7 @@ function begin(facts) {
   app.store = new Store(facts.columns, facts.rate_hz);
   app.scope = new Scope(app.store, facts);
   app.schematic = new Schematic(el("schematic"), app.store, facts);
+  app.figures = new Figures(el("figures"), app.store, facts);
   app.controls = new Controls(facts, send);
   document.title = `${facts.rig} – tautwave`;
   el("rig").textContent = facts.rig;
@@ -49,6 +51,7 @@ function begin(facts) {
     const pair = facts.pairs[Number(el("pair").value)];
     app.schematic.show(pair);
     app.scope.show(pair);
+    app.figures.show(pair);
   };
   app.schematic.show(facts.pairs[0]);
 }
@@ -82,10 +85,12 @@ const hear = {
   hello: begin,
   may: (said) => app.controls?.allow(said.may),
   so_far: soFar,
+  drawn: (said) => app.figures?.pose(said.arms),
   note: (said) => note(said.text, said.kind),
   tuned: (said) => { note(said.text, "done"); app.controls.tuned(); },
   ended: (said) => {
     app.ended = true;
+    badge("state", "");
     badge("link", "the run has ended", "");
     note(`The run has ended. What is seen here can still be saved; tautwave report ${said.directory} has everything.`, "done");
     app.scope?.pause();
@@ -125,12 +130,13 @@ function frame(now) {
   requestAnimationFrame(frame);
   if (!app.store?.end) return;
   app.scope.draw();
+  app.figures.draw();
   if (now < slow) return;
   slow = now + 100; // numbers that change faster cannot be read
   const { store, facts } = app;
   const code = store.newest("operation.state");
-  const state = code === undefined ? "engaged" : facts.states[code];
-  badge("state", app.soFar?.faulted ? `${state} after a fault` : state, app.soFar?.faulted ? "bad" : state === "engaged" ? "good" : "");
+  const state = code === undefined ? "running" : facts.states[code];
+  if (!app.ended) badge("state", app.soFar?.faulted ? `${state} after a fault` : state, app.soFar?.faulted ? "bad" : state === "engaged" || state === "running" ? "good" : "");
   app.controls.show(state, store.newest("operation.episode") ?? 0, store.newest("operation.scale"));
   app.controls.showTuning(store);
   app.schematic.draw();

@@ -6,7 +6,7 @@ const LEAST_W = 1e-6;
 const TOP = 52;
 const MIDDLE = TOP + 28;
 
-function make(tag, attributes, text) {
+export function make(tag, attributes, text) {
   const node = document.createElementNS(SVG, tag);
   for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
   if (text !== undefined) node.textContent = text;
