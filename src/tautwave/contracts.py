@@ -373,8 +373,9 @@ class CouplingPlugin(NamedTuple):
     their constants and table, as in `couplings.wave.link.constants`. `claim(rig, axis_name,
     delays)`: what an end may deliver as it sees it [J]; `claim_terms`, of the same, the terms, a
     `tautwave.analysis.claim.Claim`, or the key without which it is unbounded. `resolve(rig)`: a
-    `Choice` for each key left to the law, by path. `variant(plugin, coupling)`: the declaration for
-    a rig's keys.
+    `Choice` for each key left to the law, by path. `missing(document)`: why a rig whose law is
+    `auto` cannot have this one, each the end of a sentence about the law. `variant(plugin,
+    coupling)`: the declaration for a rig's keys.
     `tune(constants, state, key, value, period)`: a running end's, with another value of a key.
     """
 
@@ -396,6 +397,7 @@ class CouplingPlugin(NamedTuple):
     claim: Any = ""
     claim_terms: Any = ""
     resolve: Any = ""
+    missing: Any = ""
     variant: Any = ""
     tune: Any = ""
 

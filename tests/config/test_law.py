@@ -16,6 +16,7 @@ from tautwave.errors import ConfigError
 from tests.rigs.test_wave_choices import FIRST
 
 LAW = "coupling.law=auto"
+SIDES = "master", "slave"
 
 
 def first(*settings: str) -> Rig:
@@ -96,8 +97,9 @@ def test_where_law_mediated_cannot_be_it_is_law_wave(settings: list[str], missin
     expand_defaults(document)
     law = choose_law(document)
     assert law is not None
-    assert law.value == document.get(("coupling", "law")) == "wave"
-    assert law.reason.endswith(f"law mediated follows closer, but {missing}")
+    assert law.choice.value == document.get(("coupling", "law")) == "wave"
+    assert law.choice.reason.endswith(f"law mediated follows closer, but {missing}")
+    assert not law.other
 
 
 @pytest.mark.parametrize("key", ["inertia", "velocity_limit", "effort_rate_limit"])
@@ -107,7 +109,7 @@ def test_a_limit_that_law_mediated_needs_is_named(key: str) -> None:
     del document.value["slave"]["axes"]["lever"][key]
     law = choose_law(document)
     assert law is not None
-    assert law.reason.endswith(f"but needs {key}")
+    assert law.choice.reason.endswith(f"but needs {key}")
 
 
 @pytest.mark.parametrize("delay", [0.006, 0.02, 0.1, 0.3])
@@ -120,7 +122,7 @@ def test_a_misspelt_auto_is_recognised() -> None:
         first("coupling.law=autoo")
 
 
-@pytest.mark.parametrize("side", ["master", "slave"])
+@pytest.mark.parametrize("side", SIDES)
 def test_where_only_law_wave_is_certified_it_is_law_wave(side: str) -> None:
     slow = (LATE, f"{side}.axes.lever.effort_rate_limit=5", "coupling.engage_ramp_s=0.3")
     named = first("coupling.law=mediated", "coupling.account={}", *slow)
@@ -139,10 +141,39 @@ def test_where_only_law_wave_is_certified_it_is_law_wave(side: str) -> None:
     assert parse_rig(resolved_yaml(rig)) == rig
 
 
-def test_where_neither_is_certified_it_stays_what_the_delay_asks_for() -> None:
-    wall = "coupling.pairs.lever.wall_slave={position: 0.5, stiffness: 50, damping: 0.1}"
-    assert not certify(first(LATE, wall)).passed
-    assert first(LAW, LATE, wall).coupling.law == "mediated"
+WALL = "coupling.pairs.lever.wall_slave={position: 0.5, stiffness: 50, damping: 0.1}"
+
+
+@pytest.mark.parametrize(("delay", "law"), [(0.002, "wave"), (0.02, "mediated")])
+def test_where_none_is_certified_it_is_by_the_delay_and_says_so(delay: float, law: str) -> None:
+    rig = first(LAW, f"coupling.delay_s={delay}", WALL)
+    assert not certify(rig).passed
+    assert rig.law is not None
+    assert rig.law.value == rig.coupling.law == law
+    other = {"wave": "mediated", "mediated": "wave"}[law]
+    assert rig.law.reason.endswith(
+        f"; neither it nor law {other} is certified for this rig (below)"
+    )
+
+
+def test_where_the_only_law_it_can_be_is_not_certified_it_says_so() -> None:
+    rig = first(LAW, "coupling.pairs.lever.wave_impedance=0.05", WALL)
+    assert not certify(rig).passed
+    assert rig.law is not None
+    assert rig.law.reason.endswith("; it is not certified for this rig (below)")
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.002])
+def test_where_only_law_mediated_is_certified_it_is_that_over_a_short_line(delay: float) -> None:
+    bare = (f"coupling.delay_s={delay}", *(f"{it}.axes.lever.damping.lower=0" for it in SIDES))
+    assert not certify(first(*bare)).passed
+    rig = first(LAW, *bare)
+    assert certify(rig).passed
+    assert rig == first(*bare, "coupling.law=mediated", "coupling.account={}")
+    assert rig.law is not None
+    assert rig.law.value == rig.coupling.law == "mediated"
+    assert rig.law.reason.endswith("law wave is not certified for this rig")
+    assert parse_rig(resolved_yaml(rig)) == rig
 
 
 def test_an_account_that_is_set_to_nothing_is_one_with_its_defaults() -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from tautwave import registry
 from tautwave.config.keys.common import AUTO
@@ -18,21 +18,30 @@ PROMPT_S = 5e-3
 LATE_LAW = "mediated"
 """What follows over a longer one as if there were none, in an account."""
 
-SLOWEST_HZ = 500.0
-"""Rate below which its estimate of a contact takes longer than a hand's press."""
+BLOCKS: Mapping[str, dict[str, Any]] = {
+    STANDARD_LAW: {"law": STANDARD_LAW},
+    LATE_LAW: {"law": LATE_LAW, "account": {}},
+}
+"""Their keys of the whole coupling, where a rig has none of its own."""
+
+UNCERTIFIED = "is not certified for this rig"
 
 CERTIFY = "tautwave.certificate:certify"
 """Judges a whole rig; by name, since it imports this package."""
 
-SHARED = frozenset(AnyPair.model_fields)
-"""Keys that pairs of all laws have."""
+
+class ChosenLaw(NamedTuple):
+    """A law in place of `auto`, and the one to take where only that is certified, if any."""
+
+    choice: Choice
+    other: Choice | None = None
 
 
-def choose_law(document: Document) -> Choice | None:
+def choose_law(document: Document) -> ChosenLaw | None:
     """Put a law in place of `auto` into a document; return it and why, None if one was named.
 
     Up to `PROMPT_S` it is law wave, whose forces are exact. A longer line makes that F tau / b off
-    and b tau heavy, so it is law mediated in an account where the rig has what that needs.
+    and b tau heavy, so it is law mediated in an account, where that law misses nothing in the rig.
     """
     coupling = document.get(("coupling",))
     named = coupling.get("law") if isinstance(coupling, dict) else None
@@ -41,14 +50,16 @@ def choose_law(document: Document) -> Choice | None:
     coupling["law"] = STANDARD_LAW
     delay = coupling.get("delay_s", 0.0)
     if document.get(("link",)) is not None or document.get(("sites",)) is not None:
-        return Choice(STANDARD_LAW, f"{STANDARD_LAW}, passive over any network")
-    prompt = f"{1e3 * PROMPT_S:g} ms"
+        return ChosenLaw(Choice(STANDARD_LAW, f"{STANDARD_LAW}, passive over any network"))
+    missing = registry.load_named(registry.load_coupling(LATE_LAW).missing)
+    but = next(missing(document), "")
     if not isinstance(delay, int | float) or delay <= PROMPT_S:
+        prompt = f"{1e3 * PROMPT_S:g} ms"
         why = f"{STANDARD_LAW}: up to {prompt} no other follows much closer, and forces are exact"
-        return Choice(STANDARD_LAW, why)
-    missing = next(_missing(document, coupling), "")
-    if missing:
-        return _costly(delay, missing)
+        late = f"{LATE_LAW}, in an account: law {STANDARD_LAW} {UNCERTIFIED}"
+        return ChosenLaw(Choice(STANDARD_LAW, why), None if but else Choice(LATE_LAW, late))
+    if but:
+        return ChosenLaw(_costly(delay, but))
     coupling["law"] = LATE_LAW
     if coupling.get("account") is None:
         coupling["account"] = {}
@@ -57,30 +68,34 @@ def choose_law(document: Document) -> Choice | None:
         "without a delay. A first contact is felt two delays late, and a hold is as long as "
         f"`held force` says; law {STANDARD_LAW} holds forces exactly, F tau / b apart"
     )
-    return Choice(LATE_LAW, why)
+    return ChosenLaw(Choice(LATE_LAW, why), _costly(delay, UNCERTIFIED))
 
 
-def certified_law(rig: Rig, choose_keys: Callable[[Rig], Rig]) -> Rig:
-    """Return a rig whose law was chosen, with law wave where only that one is certified.
+def certified_law(rig: Rig, chosen: ChosenLaw, choose_keys: Callable[[Rig], Rig]) -> Rig:
+    """Return a rig whose law was chosen with a law that is certified, or that says that none is.
 
     `choose_keys` gives a rig a value for each key that is left to its law, as `rig` has already.
     """
-    if rig.law is None or rig.law.value != LATE_LAW:
-        return rig
     certify = registry.load_named(CERTIFY)
-    certificate = certify(rig, brief=True)
-    if certificate.passed:
-        return rig
-    law = coupling_block(STANDARD_LAW)
-    shared = rig.coupling.model_dump(include=set(AnyLaw.model_fields) - {"law", "account", "pairs"})
-    pairs = {
-        name: pair.model_dump(include=set(SHARED)) for name, pair in rig.coupling.pairs.items()
-    }
-    coupling = law.model_validate({**shared, "law": STANDARD_LAW, "pairs": pairs})
-    other = choose_keys(rig.model_copy(update={"coupling": coupling}))
-    if not certify(other, brief=True).passed:
-        return rig
-    return other.with_law(_costly(rig.coupling.delay_s, "is not certified for this rig"))
+    if certify(rig, brief=True).passed:
+        return rig.with_law(chosen.choice)
+    law, why = chosen.choice
+    if chosen.other is None:
+        return rig.with_law(Choice(law, f"{why}; it {UNCERTIFIED} (below)"))
+    other = choose_keys(_with_law(rig, chosen.other.value))
+    if certify(other, brief=True).passed:
+        return other.with_law(chosen.other)
+    neither = f"neither it nor law {chosen.other.value} is certified for this rig (below)"
+    return rig.with_law(Choice(law, f"{why}; {neither}"))
+
+
+def _with_law(rig: Rig, law: str) -> Rig:
+    """Return a rig with another of the two laws, and what laws and pairs of both have."""
+    kept = rig.coupling.model_dump(include=set(AnyLaw.model_fields) - {"law", "account", "pairs"})
+    shared = set(AnyPair.model_fields)
+    pairs = {name: it.model_dump(include=shared) for name, it in rig.coupling.pairs.items()}
+    coupling = coupling_block(law).model_validate(kept | BLOCKS[law] | {"pairs": pairs})
+    return rig.model_copy(update={"coupling": coupling})
 
 
 def _costly(delay: float, but: str) -> Choice:
@@ -90,35 +105,3 @@ def _costly(delay: float, but: str) -> Choice:
         f"b tau of inertia in the hand (below); law {LATE_LAW} follows closer, but {but}"
     )
     return Choice(STANDARD_LAW, why)
-
-
-def _missing(document: Document, coupling: dict[str, Any]) -> Iterator[str]:
-    """Yield what a rig has that law mediated does not do, or lacks that it needs."""
-    rate = document.get(("rate_hz",))
-    if not isinstance(rate, int | float) or rate < SLOWEST_HZ:
-        yield f"needs {SLOWEST_HZ:g} Hz"
-    if document.get(("require",)) == "coupled_stable":
-        yield "is not certified as coupled_stable"
-    if document.get(("operate", "scales")):
-        yield "does not change its scale while it runs"
-    if document.get(("arms",)):
-        yield "joins no tips of arms"
-    for pair in _blocks(coupling.get("pairs")):
-        own = sorted(set(pair) - SHARED)
-        if own:
-            yield f"is not chosen for a pair with {own[0]}"
-    for bus in _blocks(document.get(("buses",))):
-        if bus.get("divisor", 1) != 1:
-            yield "needs both sides at the same rate"
-    for side in ("master", "slave"):
-        for axis in _blocks(document.get((side, "axes"))):
-            if axis.get("causality", "impedance") != "impedance":
-                yield "drives axes that take effort only"
-            for key in ("inertia", "velocity_limit", "effort_rate_limit"):
-                if axis.get(key) is None:
-                    yield f"needs {key}"
-
-
-def _blocks(value: Any) -> list[dict[str, Any]]:
-    """Return the blocks of a mapping by name; what is none is reported elsewhere."""
-    return [it for it in value.values() if isinstance(it, dict)] if isinstance(value, dict) else []

@@ -124,9 +124,12 @@ def finish_rig(
         raise ConfigError(document.sentences())
     rig = complete_rig(document, rig, plugins, path)
     if law is not None:
-        rig = rig.with_law(law)
+        rig = rig.with_law(law.choice)
+    if not choose:
+        return rig
     try:
-        return certified_law(choose_keys(rig), choose_keys) if choose else rig
+        rig = choose_keys(rig)
+        return rig if law is None else certified_law(rig, law, choose_keys)
     except UnchosenKeyError as err:
         raise ConfigError(f"{document.where(err.path)}: {err}") from err
 

@@ -24,4 +24,5 @@ plugin = CouplingPlugin(
     verdict=f"{_ROOM}.verdict:verdict",
     messages=f"{_ROOM}.messages:messages",
     resolve=f"{_ROOM}.automatic:resolve",
+    missing=f"{_ROOM}.asks:missing",
 )
