@@ -44,6 +44,8 @@ BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
             "an address without a port, such as 10.0.0.2 or ::1; the port is --port (got",
         ),
         ("link serve --keys . --bind [::1]:7448", "the port is --port (got '[::1]:7448')"),
+        ("export . --to lerobot --resume", "--resume: name the dataset with --out DIR"),
+        ("run {bench} --task pick", "--task: the rig has no `operate` block; write `operate: {}`"),
         ("run {bench} --end-with-input", "--end-with-input requires --commands -"),
         ("new rig.yml --bus '", 'new: --bus "\'": write DRIVER [OPTIONS]'),
         ("new rig.txt --profile {profile}", "new: rig.txt: a rig file name must end in .yaml"),

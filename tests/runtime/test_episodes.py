@@ -68,11 +68,12 @@ def test_again_discards_the_one_that_runs_or_the_last_and_only_once() -> None:
     assert set(done.columns["operation.episode"]) == {0.0, 1.0, 2.0, 3.0}
 
 
-PLAN = "operate.episodes={count: 3, episode_s: 0.3, reset_s: 0.2, name: pick, task: the red one}"
+PLAN = "operate.episodes={count: 3, episode_s: 0.3, reset_s: 0.2, name: pick}"
+TASK = "operate.task=' the red   one'"
 
 
 def planned(script: str, duration_s: float = 6.0) -> Operated:
-    return operate(bench(STILL, PLAN), script, duration_s)
+    return operate(bench(STILL, PLAN, TASK), script, duration_s)
 
 
 def test_a_plan_records_its_episodes_and_ends_the_run() -> None:
@@ -96,7 +97,7 @@ def test_people_end_an_episode_of_a_plan_begin_the_next_and_have_one_again() -> 
     done = planned(script + "2.5 engage")
     first, second, *others = episodes = done.control.journal.episodes
     assert (first.end_s, first.success) == (0.55, True)
-    assert (second.name, second.discarded) == ("now", True)
+    assert (second.name, second.discarded, second.task) == ("now", True, "the red one")
     assert sum(not one.discarded for one in episodes) == 3
     assert len(others) == 2
     assert not any(1.2 < one.begin_s < 2.5 for one in others)

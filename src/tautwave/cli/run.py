@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -57,6 +58,11 @@ from tautwave.runtime.interrupts import interrupts
     "stdin.",
 )
 @click.option(
+    "--task",
+    metavar="TEXT",
+    help="What is done in the episodes of an operated rig that name nothing else, for a dataset.",
+)
+@click.option(
     "--end-with-input",
     is_flag=True,
     help="With --commands -: stop when the input ends, for example because the program that "
@@ -98,6 +104,7 @@ def run(
     simulate: bool | tuple[str, ...],
     attach: bool,
     commands: str | None,
+    task: str | None,
     end_with_input: bool,
     quiet: bool,
     verbose: bool,
@@ -125,6 +132,7 @@ def run(
         tautwave run rig.yaml --clock fake --duration 2 --out runs/quick
         tautwave run rig.yaml --simulate arm
         tautwave run rig.yaml --view
+        tautwave run rig.yaml --task "pick the red block"
         tautwave run rig.yaml --set coupling.delay_s=0.1 --set rate_hz=500
         tautwave run configs/scene-granular.yaml --play
         tautwave run rig.yaml --site slave
@@ -138,9 +146,12 @@ def run(
     from tautwave.config import load_rig
     from tautwave.summary.ending import last_line
 
-    loaded = load_rig(
-        rig, at_site(overrides, site), choose=False
-    )  # its certificate chooses, elsewhere
+    stated = at_site(overrides, site)
+    loaded = load_rig(rig, stated, choose=False)  # its certificate chooses, elsewhere
+    if task is not None:
+        if loaded.operate is None:
+            raise ConfigError("--task: the rig has no `operate` block; write `operate: {}`")
+        loaded = load_rig(rig, (*stated, f"operate.task={json.dumps(task)}"), choose=False)
     if play and loaded.scene is None:
         raise ConfigError("--play: this rig has no scene, so there is no sound to play")
     from tautwave import session

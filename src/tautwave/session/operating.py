@@ -86,7 +86,8 @@ def people_of(
         look = max(1, look // OFTENER)
     dead_men = [*keys, *sent, *inputs]
     inbox = Inbox(rig.period_ns, look, scripts, [*live, *keys, *lines], dead_men)
-    return People(inbox, lines, rig.operate.start == "engaged")
+    task = " ".join(rig.operate.task.split())
+    return People(inbox, lines, rig.operate.start == "engaged", task)
 
 
 def with_operation(
@@ -120,8 +121,7 @@ def _plans(rig: Rig) -> list[EpisodePlan]:
     keys = None if rig.operate is None else rig.operate.episodes
     if keys is None or rig.site == "slave":
         return []
-    what = f"{keys.name} {' '.join(keys.task.split())}".strip()
-    return [EpisodePlan(keys.count, keys.episode_s, keys.reset_s, what)]
+    return [EpisodePlan(keys.count, keys.episode_s, keys.reset_s, keys.name)]
 
 
 def _with_table(rig: Rig, assembly: Assembly, people: People) -> Assembly:

@@ -31,7 +31,11 @@ from tautwave.kinds import RECORDING, RUN
     "a ROS 2 bag rosbags (tautwave[ros]).",
 )
 @click.option("--columns", metavar="A,B", help="Tables: only these columns; default: all.")
-@click.option("--fps", type=Whole(1), help="LeRobot: frames a second; default: 30.")
+@click.option(
+    "--fps",
+    type=Whole(1),
+    help="LeRobot: frames a second; default: 30, with --resume those of the dataset.",
+)
 @click.option("--task", metavar="TEXT", help="LeRobot: the task of episodes that name none.")
 @click.option("--velocities", is_flag=True, help="LeRobot: the action has velocities, too.")
 @click.option(
@@ -53,6 +57,12 @@ from tautwave.kinds import RECORDING, RUN
     help="LeRobot: leave out episodes from whose middle more than this is cut in a row; default: "
     "none.",
 )
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="LeRobot: add the episodes to the dataset --out; refused where robot, rate, signals or "
+    "cameras differ, or where it has a recording already.",
+)
 @click.option("--no-video", is_flag=True, help="LeRobot: omit the camera images.")
 @out_option("Output directory; default: export in DIR. For a dataset it must not exist.")
 def export(
@@ -65,6 +75,7 @@ def export(
     missing: str | None,
     only: str | None,
     max_gap: float | None,
+    resume: bool,
     no_video: bool,
     out: Path | None,
 ) -> None:
@@ -79,9 +90,11 @@ def export(
         tautwave export runs/shift --to parquet
         tautwave export runs/shift --columns time_s,master.lever.position --out table
         tautwave export runs/shift runs/next --to lerobot --fps 30 --task "insert the peg" --out peg
+        tautwave export runs/today --to lerobot --out peg --resume
     """
     lerobot = {"--fps": fps, "--task": task, "--velocities": velocities, "--missing": missing,
-            "--only": only, "--max-gap": max_gap is not None, "--no-video": no_video}  # fmt: skip
+            "--only": only, "--max-gap": max_gap is not None, "--resume": resume,
+            "--no-video": no_video}  # fmt: skip
     given = [name for name, value in lerobot.items() if value]
     for directory in directories:
         if not directory.exists():
@@ -93,17 +106,20 @@ def export(
             raise click.UsageError(
                 "several runs are combined into one dataset: give its directory with --out DIR"
             )
+        if resume and out is None:
+            raise click.UsageError("--resume: name the dataset with --out DIR")
         from tautwave.report.export.lerobot import Choice, export_dataset
 
         where = _beside(directories[0]) if out is None else out
         choice = Choice(
-            fps or 30,
+            fps,
             task,
             velocities=velocities,
             cut=missing == "cut",
             video=not no_video,
             successes=only == "success",
             max_gap_s=math.inf if max_gap is None else max_gap,
+            resume=resume,
         )
         click.echo(export_dataset(directories, where, choice))
         _tell_losses(directories)

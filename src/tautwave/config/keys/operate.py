@@ -89,7 +89,6 @@ class Episodes(Block):
     name: Annotated[str, Field(pattern=r"^\S{1,60}$")] = Field(
         default="episode", description="Name of each, a single word."
     )
-    task: str = Field(default="", max_length=200, description="What is done, for a dataset.")
 
     @field_validator("name")
     @classmethod
@@ -114,6 +113,12 @@ class Operate(Resting):
     key_devices: Annotated[tuple[KeyDevice, ...], Field(strict=False)] = Field(
         default=(),
         description="HID devices that give commands; one of their keys may be a dead-man switch.",
+    )
+    task: str = Field(
+        default="",
+        max_length=200,
+        description="What is done in episodes whose mark does not say it, for a dataset; "
+        "`run --task` sets it.",
     )
     episodes: Episodes | None = Field(
         default=None,

@@ -8,9 +8,10 @@ Source: the files that `lerobot` 0.4.4 and 0.6.1 write and read (codebase versio
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,14 +20,27 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.files import make_directory, write_text, writing
+from tautwave.reading import open_file
+from tautwave.recordings import RUN
 from tautwave.recordings.cameras import camera_names, refuse_others
 from tautwave.recordings.recording import Recording, read_recording
 from tautwave.report.export.episodes import Episode, axis_blocks, episodes, pair_ratios
-from tautwave.report.export.lerobot_files import Dataset, Frames
-from tautwave.report.export.lerobot_video import Camera
+from tautwave.report.export.lerobot_files import VERSION, Dataset, Frames
+from tautwave.report.export.lerobot_resume import (
+    OURS,
+    linked_copy,
+    read_before,
+    refuse_twice,
+    take_place,
+)
+from tautwave.report.export.lerobot_video import CHUNK, Camera
 from tautwave.report.export.signals import LEADER, SCALE, STATE, Signals, engaged, signals
 from tautwave.report.units import plural
 
+FPS = 30
+"""Frames a second where none are given."""
+PIECE = 1 << 20
+"""[bytes] Read at once for a digest."""
 SLACK_S = 1e-9
 """[s] A row this much after its frame is at the frame: times are rounded."""
 OLDEST_S = 0.05
@@ -38,17 +52,19 @@ SHORTEST_S = 1.0
 class Choice(NamedTuple):
     """How a dataset is made: frames a second, task of episodes that name none, what is cut.
 
-    `successes`: only episodes of which success was said. `max_gap_s` [s]: episodes with more frames
-    in a row cut out of their middle are left out.
+    `fps` None: 30, or those of the dataset that is resumed. `successes`: only episodes of which
+    success was said. `max_gap_s` [s]: episodes with more frames in a row cut out of their middle
+    are left out. `resume`: the episodes follow those of a dataset that exists.
     """
 
-    fps: int
+    fps: int | None
     task: str | None
     velocities: bool
     cut: bool
     video: bool
     successes: bool = False
     max_gap_s: float = math.inf
+    resume: bool = False
 
 
 class LeftOut(NamedTuple):
@@ -125,7 +141,7 @@ def export_dataset(runs: Sequence[Path], out: Path, choice: Choice) -> str:
     runs : sequence of Path
         Directories of runs whose axes are alike.
     out : Path
-        Must not exist.
+        Must not exist, or with `resume` be a dataset of such runs.
     choice : Choice
         Its `fps` is at most the rate of the runs. With `cut`, frames that miss a sample or a
         picture are left out, and episodes that are too short then, instead of refusing.
@@ -133,50 +149,77 @@ def export_dataset(runs: Sequence[Path], out: Path, choice: Choice) -> str:
     Raises
     ------
     ConfigError
-        `out` exists, fps is too high, or an episode has no task; or pyarrow is not installed.
+        `out` exists, fps is too high, or an episode has no task; or pyarrow is not installed. With
+        `resume`: `out` is no dataset, of another robot, rate, signals or cameras, or has one of the
+        recordings already.
     RecordingError
         A run cannot be read, misses samples, or has other axes than the first; an episode is
         too short, or none is left.
     WritingError
         Something cannot be written.
     """
-    if out.exists():
-        raise ConfigError(f"{out} exists; a dataset is written to a new directory: choose --out")
-    plans, origins = _plan(runs, choice)
-    draft = out.with_name(f"{out.name}.part")
+    if out.exists() and not choice.resume:
+        raise ConfigError(
+            f"{out} exists; choose another --out, or add to this dataset with --resume"
+        )
+    place = out.resolve() if choice.resume else out  # a link goes on pointing at it
+    before = read_before(out, VERSION, CHUNK) if choice.resume else None
+    fps = choice.fps or (before.fps if before else FPS)
+    choice = choice._replace(fps=fps)
+    plans, origins = _plan(runs, choice, fps)
+    if before is not None:
+        refuse_twice(out, before.origins, origins)
+    draft = place.with_name(f"{place.name}.part")
     if draft.exists():
         raise ConfigError(f"{draft} exists, left by an export that was killed; remove it first")
-    make_directory(draft)
+    if before is None:
+        make_directory(draft)
+    else:
+        linked_copy(place, draft)
     try:
         first = plans[0]
         names = {key: [one.name for one in each] for key, each in first.features.items()}
-        dataset = Dataset(draft, choice.fps, first.robot, names, first.cameras)
+        dataset = Dataset(draft, fps, first.robot, names, first.cameras, before)
         left = LeftOut()
         for run, wanted in zip(runs, plans, strict=True):
-            for frames, cut in _episodes_of(run, wanted, choice):
+            for frames, cut in _episodes_of(run, wanted, choice, fps):
                 left = left.plus(**cut)
                 if frames is not None:
                     dataset.add(frames)
         _close(dataset, left)
-        write_text(draft / "README.md", _card(origins, first, choice.fps, left))
-        with writing(out):
-            draft.rename(out)
+        made_of: list[Mapping[str, str]] = [*origins]
+        altogether = left
+        if before is not None:
+            made_of = [*before.origins, *origins]
+            altogether = left.plus(**before.left)
+        kept = {"runs": made_of, "left_out": altogether._asdict()}
+        write_text(draft / OURS, json.dumps(kept, indent=4))
+        write_text(draft / "README.md", _card(made_of, first, fps, altogether))
+        if before is not None:
+            take_place(draft, place)
+        else:
+            with writing(out):
+                draft.rename(out)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
-    counted = f"{plural(dataset.episodes, 'episode')}, {plural(dataset.frames, 'frame')}"
-    return ", ".join(filter(None, [f"{out}: {counted} at {choice.fps} fps", str(left)]))
+    episodes_added, frames_added = dataset.added
+    counted = f"{plural(episodes_added, 'episode')}, {plural(frames_added, 'frame')} at {fps} fps"
+    if before is not None:
+        now = f"{plural(dataset.episodes, 'episode')}, {plural(dataset.frames, 'frame')}"
+        counted = f"added {counted}, now {now}"
+    return ", ".join(filter(None, [f"{out}: {counted}", str(left)]))
 
 
 def _close(dataset: Dataset, left: LeftOut) -> None:
     """Complete a dataset; one without any episode is none."""
-    if not dataset.episodes:
+    if not dataset.added[0]:
         raise RecordingError(f"no episode is left for a dataset: {left}")
     dataset.close()
 
 
 def _episodes_of(
-    run: Path, wanted: Signals, choice: Choice
+    run: Path, wanted: Signals, choice: Choice, fps: int
 ) -> Iterator[tuple[Frames | None, dict[str, int]]]:
     """Give the frames of each episode, None of one that is left out, and what is."""
     cameras = [Camera.of_run(run, name) for name in wanted.cameras]
@@ -195,7 +238,7 @@ def _episodes_of(
                 f"{run}: {_name(episode)} has no task; say what was done with --task TEXT"
             )
         rows = read_recording(run, ["time_s", *columns], rows=episode.rows)
-        taken, recent = frame_rows(rows.time_s, choice.fps, 1.0 / float(rows.metadata["rate_hz"]))
+        taken, recent = frame_rows(rows.time_s, fps, 1.0 / float(rows.metadata["rate_hz"]))
         row = {name: rows[name][taken] for name in columns}
         is_engaged = engaged(row[STATE]) if STATE in row else np.ones(len(taken), bool)
         finite = np.all([np.isfinite(row[name]) for name in wanted.columns], axis=0)
@@ -216,14 +259,14 @@ def _episodes_of(
                 f"sample{also}, and a held value would be invented; --missing cut leaves these "
                 "frames out"
             )
-        if longest_gap(kept) > choice.max_gap_s * choice.fps:
+        if longest_gap(kept) > choice.max_gap_s * fps:
             yield None, {"gap": 1}
             continue
-        if (count := int(np.count_nonzero(kept))) < SHORTEST_S * choice.fps:
+        if (count := int(np.count_nonzero(kept))) < SHORTEST_S * fps:
             if not choice.cut:
                 raise RecordingError(
-                    f"{run}: {_name(episode)} has {count / choice.fps:.3g} s of "
-                    f"{len(taken) / choice.fps:.3g} s in which the rig was engaged, and a dataset "
+                    f"{run}: {_name(episode)} has {count / fps:.3g} s of "
+                    f"{len(taken) / fps:.3g} s in which the rig was engaged, and a dataset "
                     f"needs {SHORTEST_S:g} s; --missing cut leaves such episodes out"
                 )
             yield None, {"short": 1}
@@ -254,8 +297,10 @@ def _name(episode: Episode) -> str:
     return f"episode {episode.name}" if episode.number else "the run"
 
 
-def _plan(runs: Sequence[Path], choice: Choice) -> tuple[list[Signals], list[str]]:
-    """Return the signals of each run, whose names are alike, and a line on the origin of each."""
+def _plan(
+    runs: Sequence[Path], choice: Choice, fps: int
+) -> tuple[list[Signals], list[dict[str, str]]]:
+    """Return the signals of each run, whose names are alike, and the origin of each."""
     plans: list[Signals] = []
     origins = []
     for run in runs:
@@ -270,19 +315,32 @@ def _plan(runs: Sequence[Path], choice: Choice) -> tuple[list[Signals], list[str
                 "has one robot"
             )
         rate = float(head.metadata.get("rate_hz", "nan"))
-        if not choice.fps <= rate:
+        if not fps <= rate:
             raise ConfigError(f"{run}: recorded at {rate:g} Hz, so at most --fps {int(rate)}")
         origins.append(_origin(run, head))
     return plans, origins
 
 
-def _origin(run: Path, head: Recording) -> str:
-    rig = hashlib.sha256(head.attachments.get("rig.yaml", b"")).hexdigest()[:16]
-    version = head.metadata.get("version", "of unknown version")
-    return f"- `{run.name}`: rig {head.metadata.get('rig', '')} (sha256 {rig}), tautwave {version}"
+def _origin(run: Path, head: Recording) -> dict[str, str]:
+    digest = hashlib.sha256()
+    with open_file(run / RUN if run.is_dir() else run) as file:
+        while piece := file.read(PIECE):
+            digest.update(piece)
+    return {
+        "run": run.resolve().name,
+        "recording": digest.hexdigest(),
+        "rig": head.metadata.get("rig", ""),
+        "rig_sha256": hashlib.sha256(head.attachments.get("rig.yaml", b"")).hexdigest(),
+        "tautwave": head.metadata.get("version", "of unknown version"),
+    }
 
 
-def _card(origins: Sequence[str], picked: Signals, fps: int, left: LeftOut) -> str:
+def _origin_line(one: Mapping[str, str]) -> str:
+    rig = f"rig {one['rig']} (sha256 {one['rig_sha256'][:16]})"
+    return f"- `{one['run']}`: {rig}, tautwave {one['tautwave']}"
+
+
+def _card(origins: Sequence[Mapping[str, str]], picked: Signals, fps: int, left: LeftOut) -> str:
     lines = [
         f"| {feature} | `{one.name}` | {one} | {one.unit} |"
         for feature, signals in picked.features.items()
@@ -305,5 +363,5 @@ The force between hand and task is not part of an action; it is in the recording
 
 Made from:
 
-{chr(10).join(origins)}
+{chr(10).join(map(_origin_line, origins))}
 """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,17 +10,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave.errors import ConfigError
 from tautwave.files import make_directory, write_text, writing
-from tautwave.report.export.lerobot_video import VIDEO, Video
+from tautwave.report.export.lerobot_resume import (
+    EPISODE_FILES,
+    Before,
+    arrow_library,
+    refuse_unlike,
+    together,
+)
+from tautwave.report.export.lerobot_video import CHUNK, VIDEO, Video
 
 VERSION = "v3.0"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 LARGEST_MB = 100
 """A data file that has reached this size is followed by another."""
-CHUNK = 1000
-"""Files in a folder."""
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 OWN = {
     "timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
@@ -58,6 +61,14 @@ class Dataset:
         The names of the signals of each feature.
     cameras : sequence of str
         Their names.
+    before : Before, optional
+        What the directory has already, instead of being empty: numbers, tasks and statistics go
+        on from it, in new files.
+
+    Raises
+    ------
+    ConfigError
+        What it has is of another robot, rate, signals or cameras.
     """
 
     def __init__(
@@ -67,26 +78,41 @@ class Dataset:
         robot: str,
         names: Mapping[str, Sequence[str]],
         cameras: Sequence[str] = (),
+        before: Before | None = None,
     ) -> None:
-        self._arrow, self._parquet = _pyarrow()
+        self._arrow, self._parquet = arrow_library()
         self._root, self._fps, self._robot = root, fps, robot
         self._features: dict[str, dict[str, Any]] = {
             key: {"dtype": "float32", "shape": [len(each)], "names": list(each)}
             for key, each in names.items()
         } | {key: {"dtype": kind, "shape": [1], "names": None} for key, kind in OWN.items()}
-        self._videos = {name: Video(root, f"observation.images.{name}", fps) for name in cameras}
+        file = 0 if before is None else before.video_files
+        keys = {name: f"observation.images.{name}" for name in cameras}
+        self._videos = {name: Video(root, key, fps, file) for name, key in keys.items()}
         self._schema = self._make_schema()
         self._writer: Any = None
         self._file, self._bytes = 0, 0
         self._tasks: dict[str, int] = {}
         self._rows: list[dict[str, Any]] = []
-        self._all: list[dict[str, npt.NDArray[Any]]] = []
-        self.frames = 0
+        self._all: list[Mapping[str, npt.NDArray[Any]]] = []
+        self._before = before
+        self.frames = self._old_frames = self._old_episodes = 0
+        if before is not None:
+            refuse_unlike(root, before, fps, robot, self._features, list(keys.values()))
+            self._file, self._tasks = before.data_files, dict(before.tasks)
+            self._rows, self._all = list(before.rows), [before.values]
+            self.frames = self._old_frames = len(before.values["index"])
+            self._old_episodes = len(before.rows)
 
     @property
     def episodes(self) -> int:
-        """Episodes written so far."""
+        """Episodes written so far, with those that were there before."""
         return len(self._rows)
+
+    @property
+    def added(self) -> tuple[int, int]:
+        """Episodes and frames that were added."""
+        return len(self._rows) - self._old_episodes, self.frames - self._old_frames
 
     def add(self, episode: Frames) -> None:
         """Write an episode."""
@@ -115,7 +141,6 @@ class Dataset:
                 for key, values in data.items() for name, value in statistics(values).items()
             }
             | self._filmed(episode, count)
-            | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
         )  # fmt: skip
         self._all.append(data)
         self.frames += count
@@ -126,7 +151,8 @@ class Dataset:
         for name, video in self._videos.items():
             begin = video.frames / self._fps
             stats = video.add(episode.pictures[name], count)
-            where = {"chunk_index": 0, "file_index": 0, "from_timestamp": begin,
+            chunk, file = divmod(video.file, CHUNK)
+            where = {"chunk_index": chunk, "file_index": file, "from_timestamp": begin,
                      "to_timestamp": video.frames / self._fps}  # fmt: skip
             entries |= {f"videos/{video.key}/{key}": value for key, value in where.items()}
             entries |= {f"stats/{video.key}/{key}": value for key, value in stats.items()}
@@ -180,14 +206,20 @@ class Dataset:
         make_directory(meta)
         whole = {key: np.concatenate([one[key] for one in self._all]) for key in self._features}
         stats: dict[str, Any] = {key: statistics(values) for key, values in whole.items()}
-        stats |= {video.key: video.close() for video in self._videos.values()}
+        for video in self._videos.values():
+            old = () if self._before is None else (self._before.stats[video.key],)
+            stats[video.key] = together([*old, video.close()])
         write_text(meta / "stats.json", json.dumps(stats, indent=4))
         write_text(meta / "info.json", json.dumps(self._info(), indent=4))
         with writing(meta):
             self._parquet.write_table(self._task_table(), meta / "tasks.parquet")
+            for old_file in self._root.glob(EPISODE_FILES):
+                old_file.unlink()
             path = self._root / EPISODES.format(chunk_index=0, file_index=0)
             make_directory(path.parent)
-            self._parquet.write_table(self._arrow.Table.from_pylist(self._rows), path)
+            rows = [row | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
+                    for row in self._rows]  # fmt: skip
+            self._parquet.write_table(self._arrow.Table.from_pylist(rows), path)
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -246,10 +278,3 @@ def statistics(values: npt.NDArray[Any]) -> dict[str, list[float] | list[int]]:
         "std": table.std(axis=0).tolist(),
         "count": [len(table)],
     } | {name: level.tolist() for name, level in zip(QUANTILES, levels, strict=True)}
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    try:
-        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
-    except ImportError as err:
-        raise ConfigError("--to lerobot needs pyarrow: pip install 'tautwave[parquet]'") from err

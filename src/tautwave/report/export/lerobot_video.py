@@ -25,6 +25,8 @@ BEGIN, END = b"\xff\xd8", b"\xff\xd9"
 CODEC, PIXELS = "h264", "yuv420p"
 SAMPLED, THINNED = 100, 8
 """Pictures of an episode for its statistics, and every which of their lines and columns."""
+CHUNK = 1000
+"""Files in a folder."""
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 
 
@@ -72,12 +74,15 @@ class Video:
         Of the feature, such as `observation.images.wrist`.
     fps : int
         Frames a second.
+    file : int
+        Its number: a dataset that goes on has others before it.
     """
 
-    def __init__(self, root: Path, key: str, fps: int) -> None:
+    def __init__(self, root: Path, key: str, fps: int, file: int = 0) -> None:
         self._av: Any = _pyav()
-        self.key, self.fps, self.frames = key, fps, 0
-        self._path = root / VIDEO.format(video_key=key, chunk_index=0, file_index=0)
+        self.key, self.fps, self.frames, self.file = key, fps, 0, file
+        chunk, index = divmod(file, CHUNK)
+        self._path = root / VIDEO.format(video_key=key, chunk_index=chunk, file_index=index)
         self._container: Any = None
         self._stream: Any = None
         self._all: list[npt.NDArray[np.uint8]] = []

@@ -52,9 +52,10 @@ class Inbox:
 class People(NamedTuple):
     """What people give a rig and get from it: commands and dead-men, lamps.
 
-    `engage_at_start`: the rig gives itself that command.
+    `engage_at_start`: the rig gives itself that command. `task`: of episodes that name none.
     """
 
     inbox: Inbox
     lamps: Sequence[Lamp]
     engage_at_start: bool
+    task: str = ""

@@ -60,9 +60,13 @@ def said_of(success: bool | None, discarded: bool = False) -> str:
 
 
 class Journal:
-    """Entries and episodes of one run; `tell` is called with the newest ones as JSON."""
+    """Entries and episodes of one run; `tell` is called with the newest ones as JSON.
 
-    def __init__(self) -> None:
+    `task` is that of episodes whose mark names none.
+    """
+
+    def __init__(self, task: str = "") -> None:
+        self._task = task
         self.tell: Callable[[str], object] = len  # nobody is there
         self._noted = 0
         self._newest: list[tuple[int, Any]] = []
@@ -118,7 +122,8 @@ class Journal:
         if not self.running:
             name, _, task = argument.partition(" ")
             number = len(self.episodes) + 1
-            self.episodes.append(Episode(number, name or f"episode-{number}", task.strip(), at_s))
+            task = task.strip() or self._task
+            self.episodes.append(Episode(number, name or f"episode-{number}", task, at_s))
             return f"episode {number} started"
         success = VERDICTS.get(argument)
         self.episodes[-1] = self.episodes[-1]._replace(end_s=at_s, success=success)

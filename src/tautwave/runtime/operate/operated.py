@@ -65,7 +65,7 @@ class OperatedControl(CoupledControl):
         )  # fmt: skip
         self.operation = operation
         self.standing = st.Standing()
-        self.journal = Journal()
+        self.journal = Journal(people.task)
         self.lamps, self.inbox = people.lamps, people.inbox
         self._engages = people.engage_at_start
         self._free = [resting(p) for p in plain.params]

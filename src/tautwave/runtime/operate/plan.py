@@ -24,14 +24,14 @@ class EpisodePlan:
         Episodes to keep; those that were recorded again do not count.
     episode_s, reset_s : float
         Length of an episode, and pause after each [s].
-    what : str
-        Name of the episodes and their task.
+    name : str
+        Of the episodes.
     """
 
-    def __init__(self, count: int, episode_s: float, reset_s: float, what: str) -> None:
+    def __init__(self, count: int, episode_s: float, reset_s: float, name: str) -> None:
         self._count = count
         self._episode_s, self._reset_s = episode_s, reset_s
-        self._what = what
+        self._name = name
         self._control: Any = None
         self._next = 0
         self._over = False
@@ -56,4 +56,4 @@ class EpisodePlan:
             self._over = True
             return [Order(STOP, "", SOURCE)]
         engaged = self._control.standing.state == ENGAGED
-        return [Order(EPISODE, self._what, SOURCE)] if engaged else ()
+        return [Order(EPISODE, self._name, SOURCE)] if engaged else ()

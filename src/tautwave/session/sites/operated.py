@@ -48,7 +48,7 @@ class OperatedSite(SiteControl):
 
     def __init__(self, people: People, *given: Any) -> None:
         self.inbox, self.lamps = people.inbox, people.lamps
-        self.journal = Journal()
+        self.journal = Journal(people.task)
         self._accord = Accord()
         self._heard: Accord | None = None
         self._program, self._peers_program = secrets.token_hex(8), ""
