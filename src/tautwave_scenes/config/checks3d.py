@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from tautwave.config.pieces import Parts
@@ -13,7 +13,7 @@ from tautwave.errors import ConfigError
 from tautwave_scenes.config.checks import check_between, named_ends
 from tautwave_scenes.config.keys3d import Scene3d, Vector, mesh_of
 from tautwave_scenes.config.sounds import check_sound
-from tautwave_scenes.models.tissue.mesh import FACES, on_faces, shape_of
+from tautwave_scenes.models.tissue.mesh import FACES, Mesh, on_faces, shape_of
 
 GROUND = "ground"
 SPACE_ONLY = (
@@ -98,6 +98,10 @@ def _check_tissues(document: Document, scene: Scene3d) -> bool:
             document.report((*path, "block" if keys.mesh is None else "mesh"), str(err))
             good = False
             continue
+        if why := _wrong_inclusion(mesh, list(keys.inclusions)):
+            document.report((*path, "inclusions"), why)
+            good = False
+            continue
         known = (*FACES, *(group for group, _ in mesh.groups))
         if wrong := next((one for one in keys.clamped if one not in known), None):
             document.report(
@@ -115,6 +119,26 @@ def _check_tissues(document: Document, scene: Scene3d) -> bool:
             "symplectic does not run tissues; use discrete_gradient or linearly_implicit",
         )
     return good
+
+
+def _wrong_inclusion(mesh: Mesh, inclusions: Sequence[str]) -> str:
+    """Say which inclusion is no body of the mesh, or which two share a tetrahedron; '' if none."""
+    bodies = dict(mesh.bodies)
+    known = ", ".join(bodies) or "none"
+    taken: dict[int, str] = {}
+    for name in inclusions:
+        if name not in bodies:
+            surface = name in dict(mesh.groups)
+            what = "a physical group without tetrahedra" if surface else "no physical group"
+            return f"{name!r} is {what} of the mesh; groups of tetrahedra: {known}"
+        for at in bodies[name]:
+            if at in taken:
+                return (
+                    f"{taken[at]!r} and {name!r} both have tetrahedron {at + 1}: give one of "
+                    "them, or part the groups in the mesh"
+                )
+            taken[at] = name
+    return ""
 
 
 def _check_names(document: Document, scene: Scene3d) -> None:

@@ -92,6 +92,16 @@ class Branch(Block):
     time_s: Positive = Field(description="[s] Time in which its stress falls to 1/e.")
 
 
+class Inclusion(Block):
+    """A part of a tissue that is of another material; what it does not state is the tissue's."""
+
+    young: Positive = Field(description="[Pa] Young's modulus, once all branches have relaxed.")
+    poisson: Annotated[float, Field(ge=0.0, le=0.49)] | None = Field(
+        default=None, description="Poisson's ratio."
+    )
+    density: Positive | None = Field(default=None, description="[kg/m^3] Density.")
+
+
 class Tissue3d(Block):
     """A soft body of tetrahedra that turn with their motion; its nodes are NAME1, NAME2, ..."""
 
@@ -114,6 +124,11 @@ class Tissue3d(Block):
     )
     damping: NonNegative = Field(
         default=0.0, description="[1/s] Damping to ground, as a share of the mass."
+    )
+    inclusions: dict[str, Inclusion] = Field(
+        default_factory=dict,
+        description="Parts of another material, such as a tumour: physical groups of tetrahedra of "
+        "its mesh file, by name.",
     )
     clamped: list[str] = Field(
         default_factory=list,

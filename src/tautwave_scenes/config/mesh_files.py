@@ -67,19 +67,23 @@ def _by_meshio(path: Path, room: str) -> Mesh:
     tags = found.cell_data.get(PHYSICAL, [()] * len(found.cells))
     tetrahedra: list[tuple[int, ...]] = []
     groups: dict[str, set[int]] = {}
+    bodies: dict[str, list[int]] = {}
     for cells, own in zip(found.cells, tags, strict=True):
         corners = cells.data.tolist()
+        begin = len(tetrahedra)
         if cells.type == TETRAHEDRON:
             tetrahedra += [tuple(one) for one in corners]
         elif cells.type not in BOUNDARY:
             raise ValueError(
                 f"{path.name} holds {cells.type} cells: only linear tetrahedra are supported"
             )
-        for one, tag in zip(corners, own, strict=False):
+        for number, (one, tag) in enumerate(zip(corners, own, strict=False)):
             if int(tag):
                 name = names.get((int(tag), cells.dim), str(int(tag)))
                 groups.setdefault(name, set()).update(one)
-    return numbered_mesh(path.name, places, tetrahedra, groups)
+                if cells.type == TETRAHEDRON:
+                    bodies.setdefault(name, []).append(begin + number)
+    return numbered_mesh(path.name, places, tetrahedra, groups, bodies)
 
 
 def _named(found: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from tautwave_scenes.models.tissue.mesh import Mesh, shape_of
@@ -40,7 +40,12 @@ class Tissue(NamedTuple):
     elements: tuple[Element, ...]
 
 
-def tissue_of(name: str, mesh: Mesh, material: Material, clamped: Collection[int] = ()) -> Tissue:
+def tissue_of(
+    name: str,
+    mesh: Mesh,
+    material: Material | Sequence[Material],
+    clamped: Collection[int] = (),
+) -> Tissue:
     """Return a tissue at rest: a quarter of each tetrahedron's mass at each of its corners.
 
     Parameters
@@ -49,8 +54,8 @@ def tissue_of(name: str, mesh: Mesh, material: Material, clamped: Collection[int
         Of the tissue.
     mesh : Mesh
         Its nodes and tetrahedra.
-    material : Material
-        The same everywhere.
+    material : Material or sequence of Material
+        The same everywhere, or that of each tetrahedron.
     clamped : collection of int
         Numbers of the nodes that cannot move.
 
@@ -60,13 +65,17 @@ def tissue_of(name: str, mesh: Mesh, material: Material, clamped: Collection[int
         A tetrahedron is flat or inverted, a node belongs to none, or a number is not finite.
     """
     masses = [0.0] * len(mesh.nodes)
-    mu, lam = material.lame
+    drags = [0.0] * len(mesh.nodes)
     elements = []
-    for number, corners in enumerate(mesh.tetrahedra):
+    each = [material] * len(mesh.tetrahedra) if isinstance(material, Material) else material
+    for number, (corners, own) in enumerate(zip(mesh.tetrahedra, each, strict=True)):
+        mu, lam = own.lame
         rest = tuple(mesh.nodes[node] for node in corners)
         _, volume = shape_of(rest, f"tetrahedron {number + 1} of {name}")
         for node in corners:
-            masses[node] += 0.25 * material.density * volume
+            share = 0.25 * own.density * volume
+            masses[node] += share
+            drags[node] += own.drag * share
         names = [f"{name}{node + 1}" for node in corners]
         elements.append(
             Element(
@@ -75,8 +84,8 @@ def tissue_of(name: str, mesh: Mesh, material: Material, clamped: Collection[int
                 (rest[0], rest[1], rest[2], rest[3]),
                 mu,
                 lam,
-                material.viscous,
-                material.branches,
+                own.viscous,
+                own.branches,
             )
         )
     for node, mass in enumerate(masses):
@@ -84,7 +93,7 @@ def tissue_of(name: str, mesh: Mesh, material: Material, clamped: Collection[int
             raise ValueError(f"node {node + 1} of {name} belongs to no tetrahedron; remove it")
     return Tissue(
         tuple(
-            Mass3d(f"{name}{node + 1}", mass, place, ORIGIN, material.drag * mass)
+            Mass3d(f"{name}{node + 1}", mass, place, ORIGIN, drags[node])
             for node, (mass, place) in enumerate(zip(masses, mesh.nodes, strict=True))
             if node not in clamped
         ),

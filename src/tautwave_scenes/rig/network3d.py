@@ -11,7 +11,7 @@ from tautwave.config import Rig
 from tautwave.rig.truth import SEED_WORD
 from tautwave.types import CommandDelay
 from tautwave_scenes.config.keys3d import Link3d, Scene3d, Tissue3d, Vector, mesh_of
-from tautwave_scenes.models.tissue.mesh import on_faces
+from tautwave_scenes.models.tissue.mesh import Mesh, on_faces
 from tautwave_scenes.networks.network import GROUND, Link
 from tautwave_scenes.networks.signals import force_signal
 from tautwave_scenes.networks3d.elements import Element
@@ -61,7 +61,7 @@ def whole_network3d(rig: Rig) -> Network3d:
     elements: list[Element] = []
     for name, body in scene.tissues.items():
         mesh = mesh_of(body)
-        made = tissue_of(name, mesh, material_of(body), on_faces(mesh, body.clamped))
+        made = tissue_of(name, mesh, materials_of(body, mesh), on_faces(mesh, body.clamped))
         masses += made.masses
         grounds += made.grounds
         elements += made.elements
@@ -119,10 +119,21 @@ def _tool(scene: Scene3d, name: str) -> Tool3d:
     )
 
 
-def material_of(keys: Tissue3d) -> Material:
-    """Return the material of a tissue."""
+def materials_of(keys: Tissue3d, mesh: Mesh) -> list[Material]:
+    """Return the material of each tetrahedron of a tissue: that of its inclusion, else its own."""
     branches = tuple((branch.share, branch.time_s) for branch in keys.branches)
-    return Material(keys.young, keys.poisson, keys.density, keys.viscous_s, branches, keys.damping)
+    own = Material(keys.young, keys.poisson, keys.density, keys.viscous_s, branches, keys.damping)
+    found = [own] * len(mesh.tetrahedra)
+    bodies = dict(mesh.bodies)
+    for group, other in keys.inclusions.items():
+        inside = own._replace(
+            young=other.young,
+            poisson=own.poisson if other.poisson is None else other.poisson,
+            density=own.density if other.density is None else other.density,
+        )
+        for at in bodies[group]:
+            found[at] = inside
+    return found
 
 
 def pruned_network3d(rig: Rig) -> Pruned3d:

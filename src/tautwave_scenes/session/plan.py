@@ -62,6 +62,10 @@ def _scene3d(rig: Rig) -> Iterator[Line]:
         count = sum(element.tissue == name for element in network.elements)
         relax = ", ".join(f"{b.share:g} in {b.time_s:g} s" for b in body.branches)
         what = f"{count} tetrahedra of {body.young:g} Pa" + (f", relaxing {relax}" if relax else "")
+        what += "".join(
+            f", {len(dict(mesh_of(body).bodies)[group])} of them ({group}) of {part.young:g} Pa"
+            for group, part in body.inclusions.items()
+        )
         yield Line(f"tissue {name}", count > 0, what, "no port feels it")
     for name, port in keys.ports.items():
         moved = f"moved by {', '.join(keys.movers_of(name))}"
@@ -83,13 +87,15 @@ def tissue_facts(rig: Rig) -> Iterator[tuple[str, str]]:
     """Yield each tissue, its size and mass, with a doubt where they are implausible."""
     if not isinstance(rig.scene, Scene3d):
         return
+    from tautwave_scenes.rig.network3d import materials_of
+
     for name, keys in rig.scene.tissues.items():
         mesh = mesh_of(keys)
         size = [max(edge) - min(edge) for edge in zip(*mesh.nodes, strict=True)]
-        volume = sum(
-            shape_of([mesh.nodes[node] for node in one], name)[1] for one in mesh.tetrahedra
+        mass = sum(
+            material.density * shape_of([mesh.nodes[node] for node in one], name)[1]
+            for one, material in zip(mesh.tetrahedra, materials_of(keys, mesh), strict=True)
         )
-        mass = keys.density * volume
         text = " x ".join(f"{edge:.3g}" for edge in size) + f" m, {mass:.3g} kg"
         if max(size) > LONG_M or mass > HEAVY_KG or max(size) < SHORT_M:
             text += (

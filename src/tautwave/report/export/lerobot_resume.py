@@ -7,7 +7,6 @@ copy takes its place when it is complete: an export that is killed leaves the da
 from __future__ import annotations
 
 import importlib
-import json
 import math
 import os
 import shutil
@@ -18,8 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.config.guard import parse_json, read_guarded
 from tautwave.errors import ConfigError
 from tautwave.files import writing
+from tautwave.summary.file import LARGEST
 
 OURS = "meta/tautwave.json"
 """What a dataset is made from: runs, the digest of each recording, what was left out."""
@@ -70,9 +71,9 @@ def read_before(root: Path, version: str, chunk: int) -> Before:
     """
     pyarrow, parquet = arrow_library()
     try:
-        info = json.loads((root / "meta/info.json").read_text(encoding="utf-8"))
+        info = _stated(root / "meta/info.json")
         found = info["codebase_version"]
-    except (OSError, ValueError, KeyError, TypeError) as err:
+    except (ConfigError, KeyError, TypeError) as err:
         raise ConfigError(
             f"{root}: no LeRobot dataset, so there is nothing to resume; leave --resume out to "
             "write a new one"
@@ -85,7 +86,7 @@ def read_before(root: Path, version: str, chunk: int) -> Before:
             "have LeRobot merge the two"
         )
     try:
-        ours = json.loads((root / OURS).read_text(encoding="utf-8"))
+        ours = _stated(root / OURS)
         numeric = {key: one for key, one in info["features"].items() if one["dtype"] != "video"}
         tables = [parquet.read_table(one) for one in sorted(root.glob(DATA_FILES))]
         values = _columns(pyarrow.concat_tables(tables), numeric)
@@ -95,12 +96,12 @@ def read_before(root: Path, version: str, chunk: int) -> Before:
         ]  # fmt: skip
         tasks = parquet.read_table(root / "meta/tasks.parquet").to_pydict()
         numbered = dict(zip(tasks["task"], tasks["task_index"], strict=True))
-        stats = json.loads((root / "meta/stats.json").read_text(encoding="utf-8"))
+        stats = _stated(root / "meta/stats.json")
         last = max(_number(row, "data", chunk) for row in rows)
         videos = [key for key, one in info["features"].items() if one["dtype"] == "video"]
         filmed = [_number(row, f"videos/{key}", chunk) for key in videos for row in rows]
         frames, origins, left = info["total_frames"], ours["runs"], ours["left_out"]
-    except (OSError, ValueError, KeyError, TypeError, pyarrow.ArrowException) as err:
+    except (ConfigError, OSError, ValueError, LookupError, TypeError) as err:
         raise ConfigError(f"{root}: damaged, and cannot be resumed: {err}") from err
     if len(values["index"]) != frames or len(rows) != info["total_episodes"]:
         raise ConfigError(
@@ -109,6 +110,10 @@ def read_before(root: Path, version: str, chunk: int) -> Before:
         )
     files = max(filmed, default=-1) + 1
     return Before(info, rows, numbered, values, stats, last + 1, files, origins, left)
+
+
+def _stated(path: Path) -> Any:
+    return parse_json(read_guarded(path, "part of a dataset", LARGEST))
 
 
 def _number(row: Mapping[str, Any], kind: str, chunk: int) -> int:

@@ -42,8 +42,11 @@ def gmsh_mesh(text: str, name: str) -> Mesh:
             f"{name} has mesh format {found}; save it from Gmsh as version 2 ASCII (2.2 0)"
         )
     parts = _parts(name, sections.get("Nodes", []), sections.get("Elements", []))
-    groups = {_name(sections, key): nodes for key, nodes in parts.groups.items()}
-    return numbered_mesh(name, parts.places, parts.tetrahedra, groups)
+    groups: dict[str, set[int]] = {}
+    for key, nodes in parts.groups.items():  # without names two dimensions may have one number
+        groups.setdefault(_name(sections, key), set()).update(nodes)
+    bodies = {_name(sections, (3, number)): found for number, found in parts.bodies.items()}
+    return numbered_mesh(name, parts.places, parts.tetrahedra, groups, bodies)
 
 
 def _name(sections: dict[str, list[str]], key: tuple[int, int]) -> str:
@@ -71,12 +74,14 @@ def _sections(lines: Iterator[str]) -> Iterator[tuple[str, list[str]]]:
 class _Parts(NamedTuple):
     """Nodes by their number, the nodes of each tetrahedron, and of each physical group.
 
-    A group has the dimension and the number of Gmsh.
+    A group has the dimension and the number of Gmsh; `bodies` are the places of the tetrahedra of
+    those of dimension 3, by number.
     """
 
     places: dict[int, tuple[float, float, float]]
     tetrahedra: list[tuple[int, ...]]
     groups: dict[tuple[int, int], set[int]]
+    bodies: dict[int, list[int]]
 
 
 def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
@@ -85,6 +90,7 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
     found: list[tuple[int, ...]] = []
     strange: list[int] = []
     groups: dict[tuple[int, int], set[int]] = {}
+    bodies: dict[int, list[int]] = {}
     try:
         for line in nodes[1:]:
             number, x, y, z = line.split()[:4]
@@ -94,6 +100,8 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
             corners = numbers[3 + numbers[2] :]
             if numbers[1] == _TETRAHEDRON:
                 a, b, c, d = corners
+                if numbers[2] and numbers[3]:
+                    bodies.setdefault(numbers[3], []).append(len(found))
                 found.append((a, b, c, d))
             elif numbers[1] not in _SKIPPED:
                 strange.append(numbers[1])
@@ -108,7 +116,7 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
         raise ValueError(f"{name} holds {what}: only linear tetrahedra are supported")
     if not whole:
         raise ValueError(f"{name} is truncated: it holds fewer nodes or elements than it declares")
-    return _Parts(places, found, groups)
+    return _Parts(places, found, groups, bodies)
 
 
 def numbered_mesh(
@@ -116,8 +124,11 @@ def numbered_mesh(
     places: dict[int, tuple[float, float, float]],
     found: Sequence[tuple[int, ...]],
     groups: Mapping[str, Iterable[int]],
+    bodies: Mapping[str, Iterable[int]],
 ) -> Mesh:
     """Return the mesh of tetrahedra, numbered anew, without nodes that none has.
+
+    A tetrahedron of several physical groups, which Gmsh writes once for each, is there once.
 
     Parameters
     ----------
@@ -129,6 +140,8 @@ def numbered_mesh(
         Four nodes of each tetrahedron.
     groups : mapping
         Nodes of each physical group.
+    bodies : mapping
+        Places in `found` of each physical group's tetrahedra.
 
     Raises
     ------
@@ -146,6 +159,7 @@ def numbered_mesh(
     missing = [number for number in used if number not in places]
     if missing:
         raise ValueError(f"{name} is damaged: a tetrahedron has the unknown node {missing[0]}")
+    found, held = _once(found, bodies)
     order = {number: at for at, number in enumerate(used)}
     where = tuple(places[number] for number in used)
     tetrahedra: list[Corners] = []
@@ -163,4 +177,28 @@ def numbered_mesh(
         group: tuple(sorted(order[node] for node in nodes if node in order))
         for group, nodes in groups.items()
     }
-    return Mesh(where, tuple(tetrahedra), tuple(sorted(kept.items())))
+    return Mesh(where, tuple(tetrahedra), tuple(sorted(kept.items())), tuple(sorted(held.items())))
+
+
+def _once(
+    found: Sequence[tuple[int, ...]], bodies: Mapping[str, Iterable[int]]
+) -> tuple[list[tuple[int, ...]], dict[str, tuple[int, ...]]]:
+    """Return tetrahedra without those that are there again for another group, and the groups'."""
+    of: list[set[str]] = [set() for _ in found]
+    for group, places in bodies.items():
+        for at in places:
+            of[at].add(group)
+    first: dict[frozenset[int], int] = {}
+    kept: list[tuple[int, ...]] = []
+    named: list[set[str]] = []
+    for corners, names in zip(found, of, strict=True):
+        at = first.setdefault(frozenset(corners), len(kept))
+        if at < len(kept) and names and named[at] and not names & named[at]:
+            named[at] |= names
+            continue
+        kept.append(corners)
+        named.append(set(names))
+    held = {
+        group: tuple(at for at, names in enumerate(named) if group in names) for group in bodies
+    }
+    return kept, held

@@ -26,12 +26,14 @@ _EVEN = (
 class Mesh(NamedTuple):
     """Nodes [m], and tetrahedra as four numbers of nodes each, of positive volume.
 
-    `groups` are numbers of nodes by the name that the file has for them.
+    `groups` are numbers of nodes by the name that the file has for them, `bodies` numbers of
+    tetrahedra, of groups that have some.
     """
 
     nodes: tuple[Vector, ...]
     tetrahedra: tuple[Corners, ...]
     groups: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    bodies: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
 
 def block(size: Vector, cells: tuple[int, int, int], corner: Vector = (0.0, 0.0, 0.0)) -> Mesh:
