@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from tautwave.errors import ConfigError
 from tautwave.models.reference import minimum_jerk, minimum_jerk_position, ramp_gain, sine_position
-from tautwave.recordings.columns import read_columns
-from tautwave.recordings.readers.shared import MEND
 from tautwave.recordings.stated import UNSTATED, Stated
 
 Array = npt.NDArray[np.float64]
@@ -129,6 +127,9 @@ def _played(
     ConfigError
         It cannot be read, or has a gap.
     """
+    from tautwave.recordings.columns import read_columns  # eight readers, where a file is read
+    from tautwave.recordings.readers.shared import MEND
+
     read = read_columns(path, names, time_column, stated=stated)
     times = read[time_column]
     steps = np.diff(times)

@@ -258,12 +258,13 @@ def require_modules(name: str) -> None:
 
 
 def _find(group: str) -> dict[str, EntryPoint]:
-    return _found(entry_points, group)
+    return {point.name: point for point in _found(entry_points).select(group=group)}
 
 
-@lru_cache(maxsize=8)  # every call reads the metadata of all installed packages: 5 ms
-def _found(look_up: Callable[..., Iterable[EntryPoint]], group: str) -> dict[str, EntryPoint]:
-    return {point.name: point for point in look_up(group=group)}
+@lru_cache(maxsize=2)  # every call reads the metadata of all installed packages: 5 ms
+def _found(look_up: Callable[[], Any]) -> Any:
+    """Return all entry points; until Python 3.12 they are no `EntryPoints`, but select alike."""
+    return look_up()
 
 
 def _load(group: str, name: str, kind: type[Any]) -> Any:

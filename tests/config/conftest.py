@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
 import pytest
@@ -19,10 +18,15 @@ STAND_INS = {
 }
 
 
-def _entry_points(group: str) -> Iterable[EntryPoint]:
-    if group not in (registry.DRIVERS, registry.SIMULATORS):
-        return entry_points(group=group)  # laws are our own
-    return [EntryPoint(name, value, group) for name, value in STAND_INS.items()]
+def _entry_points() -> EntryPoints:
+    ours = (registry.COUPLINGS, registry.CONTROLS, registry.ENVIRONMENTS, registry.HANDS)
+    kept = [point for group in ours for point in entry_points().select(group=group)]
+    put = [
+        EntryPoint(name, value, group)
+        for group in (registry.DRIVERS, registry.SIMULATORS)
+        for name, value in STAND_INS.items()
+    ]
+    return EntryPoints([*kept, *put])
 
 
 @pytest.fixture(autouse=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.metadata import Distribution, EntryPoint
+from importlib.metadata import Distribution, EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ def test_a_driver_is_no_simulator() -> None:
 
 
 def test_none_installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "entry_points", lambda group: [])
+    monkeypatch.setattr(registry, "entry_points", lambda: EntryPoints([]))
     with pytest.raises(ConfigError, match="none is installed"):
         registry.load_driver("loopback")
 
@@ -72,7 +72,7 @@ class _Foreign(Distribution):
 def test_remedy_for_a_third_party(name: str, remedy: str, monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint(name, "no_such_module:plugin", registry.DRIVERS)
     vars(point)["dist"] = _Foreign()
-    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+    monkeypatch.setattr(registry, "entry_points", lambda: EntryPoints([point]))
     with pytest.raises(ConfigError, match=remedy):
         registry.load_driver(name)
     [entry] = registry.list_drivers()
@@ -98,8 +98,8 @@ def test_our_own_loopback_is_installed() -> None:
 def test_a_law_that_does_not_load_says_why_with_its_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def points(group: str) -> list[EntryPoint]:
-        return [EntryPoint("broken", "no_such_module:plugin", group)]
+    def points() -> EntryPoints:
+        return EntryPoints([EntryPoint("broken", "no_such_module:plugin", registry.COUPLINGS)])
 
     monkeypatch.setattr(registry, "entry_points", points)
     rig = tmp_path / "rig.yaml"

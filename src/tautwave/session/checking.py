@@ -129,7 +129,8 @@ def check(rig: Rig, *, simulate: Simulate = (), brief: bool = False) -> CheckRes
     simulate : bool or collection of str
         As for `run`: buses to simulate although they name hardware.
     brief : bool
-        Leave out what no verdict of the certificate rests on, and which takes most of the time.
+        Leave out what takes most of the time, and no verdict of the certificate rests on; of a
+        scene also what a cycle costs.
 
     Returns
     -------
@@ -161,7 +162,7 @@ def check(rig: Rig, *, simulate: Simulate = (), brief: bool = False) -> CheckRes
     if any(way.way in (Way.SERVED, Way.ELSEWHERE) for way in ways.values()):
         facts.append(("--clock fake", "simulates every bus in memory"))
     if rig.scene is not None:
-        facts += session_hooks().facts(rig)
+        facts += session_hooks().facts(rig, brief=brief)
     facts.extend((f"pair {name}", pair_sentence(rig, name, delays)) for name in rig.coupling.pairs)
     if rig.scene is None:
         if rig.link is not None:

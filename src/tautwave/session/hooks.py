@@ -40,8 +40,8 @@ class SessionHooks(Protocol):
     def words(self, rig: Rig) -> str:
         """Return what stands in place of a coupling."""
 
-    def facts(self, rig: Rig) -> list[tuple[str, str]]:
-        """Return what `check` says of it beside the certificate."""
+    def facts(self, rig: Rig, *, brief: bool) -> list[tuple[str, str]]:
+        """Return what `check` says of it beside the certificate; `brief`: on one screen."""
 
     def prompt_claim(self, rig: Rig, delays: Mapping[str, CommandDelay]) -> float:
         """Return what all its ports may supply together before a run has stopped [J]; inf: all."""

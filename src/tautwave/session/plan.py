@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from tautwave.config import Axis, EnvironmentPart, Hand, HandPart, Rig, Wall
 from tautwave.config import Pair as PairKeys
@@ -12,7 +12,9 @@ from tautwave.rig import axis_integration
 from tautwave.session.facts import coupling_messages
 from tautwave.session.hooks import session_hooks
 from tautwave.session.network import network_words, receiver_words
-from tautwave.summary.model import Unused
+
+if TYPE_CHECKING:
+    from tautwave.summary.model import Unused
 
 NOT_IN_RIG = "not in the rig"
 
@@ -43,6 +45,8 @@ def rig_plan(rig: Rig, *, clock: str = "real") -> list[PlanItem]:
 
 def left_out(plan: list[PlanItem]) -> tuple[Unused, ...]:
     """Return the left-out elements for the summary."""
+    from tautwave.summary.model import Unused  # forty models that a check has no use for
+
     return tuple(
         Unused(element=item.element, reason=item.reason)
         for item in plan

@@ -36,10 +36,15 @@ def words(rig: Rig) -> str:
     return f"none: the master's axes touch a scene, scheme {scheme}"
 
 
-def facts(rig: Rig) -> list[tuple[str, str]]:
-    """Return what tissues weigh, the cost of a cycle, and the bound on held efforts' energy."""
-    tissues = [(f"tissue {name}", text) for name, text in tissue_facts(rig)]
-    return [*tissues, ("scene time", pace_fact(rig)), ("scene limit", hold_fact(rig))]
+def facts(rig: Rig, *, brief: bool) -> list[tuple[str, str]]:
+    """Return what tissues weigh, the cost of a cycle, and the bound on held efforts' energy.
+
+    `brief` leaves out the cost, for which a hundred cycles have to be run.
+    """
+    found = [(f"tissue {name}", text) for name, text in tissue_facts(rig)]
+    if not brief:
+        found.append(("scene time", pace_fact(rig)))
+    return [*found, ("scene limit", hold_fact(rig))]
 
 
 def prompt_claim(rig: Rig, delays: Mapping[str, CommandDelay]) -> float:
