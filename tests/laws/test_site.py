@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tautwave.laws.coupler import coupler_effort, coupler_stored
 from tautwave.laws.site import SiteParams, wall_ahead
-from tautwave.laws.wall import WallParams
+from tautwave.laws.wall import WallParams, wall_depth
 from tests.runtime.parts import WIDE, Axis, site
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -32,6 +32,7 @@ def moving(
     s = axis.state
     s.wall_contact_energy, s.position, s.velocity = energy, position, velocity
     s.wall_velocity, s.impulse, s.total = wall_velocity, impulse, last
+    s.depth = wall_depth(axis.params.site.wall, position)
     axis.table[0] = pending
     return axis
 

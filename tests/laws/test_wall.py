@@ -231,8 +231,14 @@ HELD, FASTEST = 0.051, 5.0
 
 
 def indebted(reserve: float) -> WallParams:
-    drift = 0.5 * HELD * HELD / MASS
-    return wall(controlled=True)._replace(reserve=reserve, reach=FASTEST * HELD, drift=drift)
+    reach, drift = FASTEST * HELD, 0.5 * HELD * HELD / MASS
+    most = 2.0 * reserve / (reach + math.sqrt(reach * reach + 4.0 * drift * reserve))
+    return wall(controlled=True)._replace(reserve=reserve, reach=reach, drift=drift, most=most)
+
+
+def paid(p: WallParams, push: float, energy: float, free_velocity: float, mobility: float) -> float:
+    """A controlled wall's effort as a site bounds it."""
+    return control_wall(p, min(push, p.most), energy, free_velocity, mobility, T)
 
 
 @given(st.floats(1e-6, 50.0), st.floats(0.0, 1.0), st.floats(1.0, 1e4))
@@ -241,7 +247,7 @@ def test_a_walls_push_is_what_a_stall_may_cost(reserve: float, share: float, pus
     p = indebted(reserve)
     left = reserve * (1.0 - share)
     into = FASTEST + 1e6  # deep inward: the period's own rule allows any push
-    got = control_wall(p, push, -share * reserve, into, 1e-9, T)
+    got = paid(p, push, -share * reserve, into, 1e-9)
     spent = got * (FASTEST * HELD + got * HELD * HELD / (2.0 * MASS))
     assert got <= push
     assert spent == pytest.approx(left, rel=1e-9, abs=1e-9 * reserve) or (
@@ -263,7 +269,7 @@ def test_stalls_whenever_they_come_leave_no_more_than_the_reserve(
     p = indebted(3.0)
     energy, least = 0.0, 0.0
     for push, free_velocity, skipped, way in script:
-        got = control_wall(p, push, energy, free_velocity, T / (2.0 * MASS), T)
+        got = paid(p, push, energy, free_velocity, T / (2.0 * MASS))
         held = T * (skipped + 1)
         out = way * (FASTEST * held + got * held * held / (2.0 * MASS))
         energy -= got * out
@@ -279,7 +285,7 @@ def test_without_a_reserve_the_same_stalls_take_any_amount() -> None:
     for p, most in ((bare, math.inf), (kept, 3.0)):
         energy = 0.0
         for _ in range(10):
-            push = control_wall(p, 40.0, energy, FASTEST, 1e-9, T)
+            push = paid(p, 40.0, energy, FASTEST, 1e-9)
             energy -= push * FASTEST * HELD
         assert (-energy > 30.0) if p is bare else (0.0 < -energy <= most)
 
@@ -312,9 +318,10 @@ def test_a_wall_without_a_limit_of_velocity_is_not_held() -> None:
 
 def test_a_site_holds_a_wall_that_was_made_stiffer() -> None:
     reach, drift, push = 0.1, 0.01, 2.0
-    first = WallParams(0.0, 1.0, 10.0, 0.0, False, push * (reach + drift * push), reach, drift)
+    reserve = push * (reach + drift * push)
+    first = WallParams(0.0, 1.0, 10.0, 0.0, False, reserve, reach, drift, push)
     limit = LimitParams(50.0, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
     site = SiteParams(T, 0.0, first, limit, 1.0, 0.0, has_wall=True)
     assert render_wall(site, 0.0, False, 0.2, 0.0, 0.0, 50.0) == 2.0
     stiffer = site._replace(wall=first._replace(stiffness=30.0))
-    assert render_wall(stiffer, 0.0, False, 0.2, 0.0, 0.0, 50.0) == pytest.approx(push)
+    assert render_wall(stiffer, 0.0, False, 0.2, 0.0, 0.0, 50.0) == push

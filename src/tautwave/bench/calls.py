@@ -66,8 +66,8 @@ LAWS = (
     Call("filter_step", filter_step, (0.5, T, 0.05, 0.06), 2),
     Call("coupler_effort", coupler_effort, (1.0, 5e-3, 0.11, 0.4, 0.1, 0.3), 2),
     Call("admittance_velocity", admittance_velocity, (ADMITTANCE, 0.1, 0.05, *REST), 1),
-    Call("render_wall, touched", render_wall, (WALLED, 1e-6, False, 0.11, 0.4, 0.4, 1.1), 3),
-    Call("render_wall, controlled", render_wall, (GUARDED, 1e-6, False, 0.11, 0.4, 0.4, 1.1), 3),
+    Call("render_wall, touched", render_wall, (WALLED, 1e-6, False, 0.01, 0.4, 0.4, 1.1), 3),
+    Call("render_wall, controlled", render_wall, (GUARDED, 1e-6, False, 0.01, 0.4, 0.4, 1.1), 3),
     Call("limit_velocity", limit_velocity, (SERVO_SITE, 0.4, 15.0), 1),
 )
 

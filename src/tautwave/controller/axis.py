@@ -296,7 +296,13 @@ def decide_command(
     in which the command will act, `delay` periods ahead, so efforts under way are summed first.
     `ceiling` is the engage ramp's [N m, N or rad/s, m/s].
     """
-    guard = guard_axis(p.site.limit, s.position, s.velocity)
+    limit = p.site.limit
+    guard = 0
+    if not (
+        limit.position_low < s.position < limit.position_high
+        and -limit.velocity < s.velocity < limit.velocity
+    ):
+        guard = guard_axis(limit, s.position, s.velocity)  # most often it need not be asked
     if guard != 0 or s.stopping:
         stop_coupled(s, p, ceiling, steps)
         if guard == 0:
@@ -325,12 +331,10 @@ def decide_effort(s: AxisState, p: AxisParams, pending: float, ceiling: float, s
     site = p.site
     free_velocity = s.velocity - site.half_mobility * (s.impulse + 2.0 * pending)
     wall = 0.0
-    if site.has_wall:
+    if site.has_wall and s.depth > 0.0:
         energy = s.wall_contact_energy
         paying = s.wall_owes
-        wall = render_wall(
-            site, energy, paying, s.position, s.wall_velocity, free_velocity, ceiling
-        )
+        wall = render_wall(site, energy, paying, s.depth, s.wall_velocity, free_velocity, ceiling)
     known = wall
     support = 0.0
     if site.compensates:
@@ -430,7 +434,9 @@ def decide_velocity(
         return s.alarm
     velocity = limit_velocity(site, asked, ceiling)
     s.asked = asked
-    s.limited = velocity_limited(site, asked, ceiling, velocity)
+    s.limited = 0
+    if velocity != asked:
+        s.limited = velocity_limited(site, asked, ceiling, velocity)
     s.command = velocity
     s.total = velocity
     s.wall_effort = held_effort(site, push, stiffness, damping, velocity)

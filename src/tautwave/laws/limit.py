@@ -143,7 +143,9 @@ def limit_effort(p: LimitParams, asked: float, last: float, ceiling: float) -> f
     Order: NaN to zero and the effort limit or the engage ramp's `ceiling`, whichever is lower;
     then the rate limit from `last`; then truncation to the drive's quantum, towards zero.
     """
-    bound = effort_bound(p, ceiling)
+    bound = p.effort
+    if ceiling < bound:
+        bound = ceiling
     value = asked
     if not -bound <= asked <= bound:
         value = clamp(asked, bound)

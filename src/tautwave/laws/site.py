@@ -21,10 +21,9 @@ from tautwave.laws.limit import (
     STEPPED,
     LimitParams,
     clamp,
-    effort_bound,
 )
 from tautwave.laws.ramp import NO_STALL, StallParams
-from tautwave.laws.wall import WallParams, control_wall, hold_wall, wall_depth, wall_effort
+from tautwave.laws.wall import WallParams, control_wall, wall_depth, wall_effort
 
 
 class SiteParams(NamedTuple):
@@ -61,7 +60,7 @@ def render_wall(
     p: SiteParams,
     energy: float,
     owes: bool,
-    position: float,
+    depth: float,
     velocity: float,
     free_velocity: float,
     ceiling: float,
@@ -76,8 +75,8 @@ def render_wall(
         Energy absorbed by the wall since contact began, less what it owed then [J].
     owes : bool
         An effort held over a gap between samples gave energy that is not paid back yet.
-    position : float
-        Measured position [rad or m].
+    depth : float
+        How deep in the wall the axis was measured, > 0 [rad or m].
     velocity : float
         Velocity filtered for the wall [rad/s or m/s].
     free_velocity : float
@@ -85,18 +84,22 @@ def render_wall(
     ceiling : float
         Present effort ceiling of the engage ramp [N m or N].
     """
-    depth = wall_depth(p.wall, position)
-    if not depth > 0.0:
-        return 0.0
-    bound = effort_bound(p.limit, ceiling)
+    wall = p.wall
+    bound = p.limit.effort
+    if ceiling < bound:
+        bound = ceiling
+    if wall.most < bound:
+        bound = wall.most
     if p.wall_clip < math.inf:
         share = p.wall_clip * (ceiling / p.limit.effort)
         if share < bound:
             bound = share
-    wall = clamp(wall_effort(p.wall, depth, velocity), bound)
-    if p.wall.controlled or owes:
-        return control_wall(p.wall, wall, energy, free_velocity, p.half_mobility, p.period)
-    return hold_wall(p.wall, wall, 0.0)
+    effort = wall_effort(wall, depth, velocity)
+    if not -bound <= effort <= bound:
+        effort = clamp(effort, bound)
+    if wall.controlled or owes:
+        return control_wall(wall, effort, energy, free_velocity, p.half_mobility, p.period)
+    return effort
 
 
 def clip_coupling(p: SiteParams, asked: float, ceiling: float, whole: float) -> float:
@@ -136,7 +139,9 @@ def limit_velocity(p: SiteParams, asked: float, ceiling: float) -> float:
     bound = p.limit.velocity
     if ceiling < bound:
         bound = ceiling
-    velocity = clamp(asked, bound)
+    velocity = asked
+    if not -bound <= asked <= bound:
+        velocity = clamp(asked, bound)
     if p.velocity_quantum > 0.0:
         counts = math.floor(velocity / p.velocity_quantum + 0.5)
         # Rounding is to the nearest step, but never over the limit.
@@ -149,9 +154,7 @@ def limit_velocity(p: SiteParams, asked: float, ceiling: float) -> float:
 
 
 def velocity_limited(p: SiteParams, asked: float, ceiling: float, velocity: float) -> int:
-    """Return why `limit_velocity` made this of what was asked for: bits of `laws.limit`."""
-    if velocity == asked:
-        return 0
+    """Return why `limit_velocity` made another of what was asked for: bits of `laws.limit`."""
     bits = 0
     if not -p.limit.velocity <= asked <= p.limit.velocity:
         bits = AT_LIMIT

@@ -16,7 +16,8 @@ class WallParams(NamedTuple):
 
     `controlled` turns on the passivity controller; without it that acts on a wall in debt only.
     reserve: the greatest debt [J]; reach: how far the device may go while a stalled host holds an
-    effort [rad or m]; drift: how much farther each unit of that effort takes it [rad/(N m) or m/N].
+    effort [rad or m]; drift: how much farther each unit of that effort takes it [rad/(N m) or m/N];
+    most: the effort that a wall without debt may so hold, most (reach + drift most) = reserve.
     """
 
     position: float
@@ -27,6 +28,7 @@ class WallParams(NamedTuple):
     reserve: float = math.inf
     reach: float = 0.0
     drift: float = 0.0
+    most: float = math.inf
 
 
 def wall_depth(p: WallParams, position: float) -> float:
@@ -68,7 +70,7 @@ def hold_wall(p: WallParams, effort: float, energy: float) -> float:
 
     The greatest F with F (reach + drift F) <= reserve + min(energy, 0): the debt that a stall may
     leave never exceeds the reserve. The constants of a rig allow for all that its wall asks for;
-    one that was made stiffer since is held at that, and one in debt pushes less.
+    one that was made stiffer since is held at that, its `most`, and one in debt pushes less.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ def control_wall(
     p : WallParams
         Wall.
     effort : float
-        Resisting effort of the wall [N m or N].
+        Resisting effort of the wall, up to its `most` [N m or N].
     energy : float
         Energy absorbed since contact began, less what was owed then [J].
     free_velocity : float
@@ -133,7 +135,8 @@ def control_wall(
     float
         Resisting effort [N m or N], of the same sign and never larger.
     """
-    effort = hold_wall(p, effort, energy)
+    if energy < 0.0:
+        effort = hold_wall(p, effort, energy)
     push = p.side * effort
     retreat = -p.side * free_velocity
     if push <= 0.0 or energy + push * period * (-retreat - half_mobility * push) >= 0.0:

@@ -156,7 +156,8 @@ def wall_params(rig: Rig, axis_name: str, delay: CommandDelay) -> WallParams:
     held = allowance.blind - allowance.delay + allowance.period
     reach = allowance.velocity * held
     drift = 0.5 * held * held / allowance.inertia
-    return wall._replace(reserve=push * (reach + drift * push), reach=reach, drift=drift)
+    reserve = push * (reach + drift * push)
+    return wall._replace(reserve=reserve, reach=reach, drift=drift, most=push)
 
 
 def limit_params(axis: Axis, allowance: AxisAllowance) -> LimitParams:
