@@ -439,7 +439,9 @@ def decide_velocity(
         s.limited = velocity_limited(site, asked, ceiling, velocity)
     s.command = velocity
     s.total = velocity
-    s.wall_effort = held_effort(site, push, stiffness, damping, velocity)
+    s.wall_effort = 0.0
+    if stiffness > 0.0:
+        s.wall_effort = held_effort(site, push, stiffness, damping, velocity)
     return 0
 
 

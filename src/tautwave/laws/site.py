@@ -172,7 +172,5 @@ def held_effort(
 
     `push`, `stiffness` and `damping` are those of `wall_ahead`.
     """
-    if not stiffness > 0.0:
-        return 0.0
     half = 0.5 * stiffness * p.period
     return push + (damping + half) * velocity
