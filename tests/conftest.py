@@ -183,8 +183,8 @@ def cheap_in_a_worker() -> Iterator[None]:
     seconds for every run.
     """
     with pytest.MonkeyPatch.context() as patch:
-        asked = machine._lock_memory
-        patch.setattr(machine, "_lock_memory", lambda w: "memory locked" if w else asked(w))
+        asked = machine.lock_pages
+        patch.setattr(machine, "lock_pages", lambda w: "memory locked" if w else asked(w))
         compiling.wait_for_it(patch)
         yield
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import re
+import sys
 from collections.abc import Callable, Iterator
 from datetime import datetime, tzinfo
 from pathlib import Path
@@ -14,7 +15,7 @@ import click
 import pytest
 from click.testing import Result
 
-from tautwave import errors, registry
+from tautwave import errors
 from tautwave.cli import main
 from tautwave.cli import run as run_command
 from tautwave.cli.run import fresh_directory
@@ -404,7 +405,7 @@ def test_drivers_lists_the_loopback(tautwave_cli: Cli) -> None:
 def test_a_control_whose_package_is_gone_is_listed_with_what_to_install(
     tautwave_cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(registry, "_importable", lambda module: module != "tautwave_scenes")
+    monkeypatch.setitem(sys.modules, "tautwave_scenes", None)
     listed = json.loads(tautwave_cli("drivers", "--json").stdout)
     [scene] = [entry for entry in listed if entry["kind"] == "control"]
     assert "pip install" in scene["missing"][0]

@@ -10,7 +10,7 @@ import pytest
 from click.testing import Result
 
 import tautwave_drivers.modbus
-from tautwave.cli.rigs import new
+from tautwave.session.new import surveying
 from tautwave.session.new.surveying import described
 
 Cli = Callable[..., Result]
@@ -83,10 +83,10 @@ def test_options_that_do_not_fit_are_one_sentence(
 def test_new_asks_nobody_where_nobody_types(
     tautwave_cli: Cli, monkeypatch: pytest.MonkeyPatch, given: Sequence[str], asked: str
 ) -> None:
-    def found(buses: Any) -> Any:
-        return [described("profile", PROFILE, [1, 2])]
+    def survey(places: Any, progress: Any) -> Any:
+        return [described("profile", PROFILE, [1, 2])], []
 
-    monkeypatch.setattr(new, "_surveyed", found)
+    monkeypatch.setattr(surveying, "survey", survey)
     result = tautwave_cli("new", "rig.yaml", "--bus", "modbus", *given)
     assert result.exit_code == 2
     assert f"new: which devices are {asked}" in result.stderr

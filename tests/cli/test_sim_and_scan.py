@@ -72,14 +72,16 @@ SIMULATOR = SimulatorPlugin(
 
 @pytest.fixture(autouse=True)
 def _installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    load = registry._load
+    plugins = {registry.DRIVERS: DRIVER, registry.SIMULATORS: SIMULATOR}
+    look_up = registry.entry_points
 
-    def with_acme(group: str, name: str, kind: type[Any]) -> Any:
-        if name == "acme":
-            return DRIVER if group == registry.DRIVERS else SIMULATOR
-        return load(group, name, kind)
+    def with_acme(group: str) -> Any:
+        if group not in plugins:
+            return look_up(group=group)
+        acme = SimpleNamespace(name="acme", load=lambda: plugins[group])
+        return [*look_up(group=group), acme]
 
-    monkeypatch.setattr(registry, "_load", with_acme)
+    monkeypatch.setattr(registry, "entry_points", with_acme)
 
 
 def test_sim_announces_one_line_of_json(tautwave_cli: Cli) -> None:

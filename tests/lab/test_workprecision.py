@@ -200,7 +200,7 @@ def test_cpu_time_counts_per_simulated_second(
 @pytest.fixture
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """All of it, without compiling anything."""
-    monkeypatch.setattr(module, "_scenes", lambda *_: [SCENE])
+    monkeypatch.setattr(module, "scenes_of", lambda *_: [SCENE])
     rates = [[500, "discrete_gradient", 200.0, 4e3, 0.8, 1e-15]]
     monkeypatch.setattr(module, "rates", lambda *_: rates)
 

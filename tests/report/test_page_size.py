@@ -34,7 +34,7 @@ def test_a_page_is_filled_to_the_byte_and_what_stands_beside_it_takes_no_room(
 ) -> None:
     sizes = {"a": 101, "b": 60, "c": 41, "d": 40, "e": 1, "f": 0}
     body = [Markup("<p>words</p>"), *(Drawn(name, size) for name, size in sizes.items())]
-    monkeypatch.setattr(page, "_body", lambda run: body)
+    monkeypatch.setattr(page, "body_of", lambda run: body)
     monkeypatch.setattr(page, "PICTURE_BYTES", 100)
     run: Any = SimpleNamespace(name="bench", directory=tmp_path)
     path = write_page(run)

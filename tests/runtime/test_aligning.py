@@ -154,16 +154,17 @@ def test_at_another_scale_they_engage_as_near_as_that_wants() -> None:
     assert gap < tolerance
 
 
-def test_a_slave_that_moves_once_everything_let_go_is_not_engaged(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(Alignment, "_astray", lambda self: [0] if self.let_go else [])
-    done, _, _ = engaged_by(STILL)
-    assert done.words() == [("engage", "aligning"), ("blocked", "holding")]
-    assert (
-        done.control.journal.entries[-1].text
-        == "lever not aligned: it moved while everything was released"
-    )
+def test_a_slave_that_moves_once_everything_let_go_is_not_engaged() -> None:
+    made = alignment(0.0, reach=0.01)
+    made.begin(0, keep_offset=False)
+    made.start(0)
+    made.let_go = 5
+    unused: Any = [None]
+    for moved, is_gone in ((0.019, False), (0.021, True)):  # it engages at twice the reach
+        made._axes[1].position = 2.0 * made._axes[0].position + 0.1 - moved
+        assert made.is_late(6) == is_gone
+    why = made.hindrance(["lever"], unused, unused)
+    assert why == "lever not aligned: it moved while everything was released"
 
 
 def test_a_run_holds_where_a_slave_cannot_follow() -> None:

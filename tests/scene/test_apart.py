@@ -34,7 +34,7 @@ NEEDS = "a rig with a scene needs the package tautwave_scenes, which is not inst
 @pytest.fixture
 def absent(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the package look as if it were not installed."""
-    monkeypatch.setattr(registry, "_importable", lambda module: module != "tautwave_scenes")
+    monkeypatch.setitem(sys.modules, "tautwave_scenes", None)
     monkeypatch.setattr(registry, "control_hooks", registry.control_hooks.__wrapped__)
 
 
@@ -71,7 +71,7 @@ def test_a_package_that_does_not_import_says_so(monkeypatch: pytest.MonkeyPatch)
     point = type("Point", (), {"module": "json", "value": "json:plugin", "dist": None})
     point.load = lambda self: json.plugin  # type: ignore[attr-defined]
     point.name, point.extras = "scene", ()  # type: ignore[attr-defined]
-    monkeypatch.setattr(registry, "_find", lambda group: {"scene": point()})
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point()])
     with pytest.raises(ConfigError, match=r"control 'scene' \(json:plugin\) does not import"):
         registry.load_control("scene")
 

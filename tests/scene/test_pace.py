@@ -32,7 +32,7 @@ def costs(monkeypatch):
         return ScenePace(share[engine] * rig.period_s, rig.period_s, engine)
 
     monkeypatch.setattr(scene_pace, "scene_pace", pace)
-    monkeypatch.setattr(scene_pace, "_has_numba", lambda: share.get("numba", True))
+    monkeypatch.setattr(scene_pace, "find_spec", lambda name: share.get(name, True) or None)
     return share, measured
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from tautwave import registry
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError, DriverError
 from tautwave.session.certified import certificate_of
@@ -20,7 +20,7 @@ HARDWARE = CONFIGS / "xm430-pair.yaml"
 
 
 def test_a_run_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_importable", lambda module: module != "canopen")
+    monkeypatch.setitem(sys.modules, "canopen", None)
     reported = r"driver 'canopen' needs canopen; pip install 'tautwave\[canopen\]'"
     with pytest.raises(ConfigError, match=reported):
         run(load_rig(RIG), out=tmp_path / "out", clock="fake")

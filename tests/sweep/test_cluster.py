@@ -77,6 +77,9 @@ class Told:
     def __init__(self, threads: Iterator[int]) -> None:
         self.threads, self.alive, self.most = threads, weakref.WeakSet[Future[Any]](), 0
 
+    def wait_for_workers(self, least: int, timeout: float) -> None:
+        """There are some."""
+
     def nthreads(self) -> dict[str, int]:
         return {"worker": next(self.threads)}
 
@@ -106,9 +109,9 @@ class Told:
 def told(monkeypatch: pytest.MonkeyPatch, threads: Iterator[int]) -> tuple[Cluster, Told]:
     """Return a cluster that counts its workers before each piece, and its client."""
     client = Told(threads)
-    monkeypatch.setattr(Cluster, "_connect", lambda *_: client)
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: client)
     monkeypatch.setattr(module, "COUNT_S", -1.0)
-    return Cluster("told"), client
+    return Cluster("tcp://told:8786"), client
 
 
 def test_a_long_sweep_holds_a_window_of_pieces(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -176,7 +176,7 @@ def test_a_parameter_is_set_and_a_forbidden_one_refused_with_its_range(
     async def certify(*_: Any) -> None:
         """The certificate is asked in `test_tuner`."""
 
-    monkeypatch.setattr(tuner, "_certify", certify)
+    monkeypatch.setattr(tuner, "certify_change", certify)
     with client(door, "secret-token") as socket:
         heard(socket, "advertiseServices")
         assert set_parameter(socket, K, 2.0)[0]["value"] == 2.0

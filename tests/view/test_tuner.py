@@ -76,7 +76,7 @@ def test_the_set_and_the_corner_of_the_way_are_certified(monkeypatch: pytest.Mon
         if wall.stiffness * wall.damping > 2e-3:
             raise NotCertifiedError("too much")
 
-    monkeypatch.setattr(tuner, "_certify", certify)
+    monkeypatch.setattr(tuner, "certify_change", certify)
     rig, desk = load_rig(BENCH, ["operate.scales=[0.5]"]), ParameterPage(4)
     run = run_with(desk)
     leave(desk.address, [2.0, 4e-4, 1.1, 100.0])  # on its way to 2.0 already
@@ -109,7 +109,7 @@ def test_a_limit_of_a_law_that_clips_both_ends_alike_is_certified_anew(
     async def certify(rig: Rig, changed: Rig, hardware: Any) -> None:
         seen.append(changed.slave.axes["lever"].effort_limit)
 
-    monkeypatch.setattr(tuner, "_certify", certify)
+    monkeypatch.setattr(tuner, "certify_change", certify)
     keys = f"coupling={{law: {law}, pairs: {{lever: {{stiffness: 1.0, damping: 0.0}}}}}}"
     rig, desk = load_rig(LEVERS, ["require=passive", keys]), ParameterPage(1)
     asked = tuner.Asked({LIMIT: 1.1}, {LIMIT: 1.1}, {LIMIT: 0.5}, {LIMIT})
@@ -127,7 +127,7 @@ def test_a_tuned_limit_leaves_the_load_what_it_needs(monkeypatch: pytest.MonkeyP
     async def certify(rig: Rig, changed: Rig, hardware: Any) -> None:
         seen.append(changed.slave.axes["lever"].effort_limit)
 
-    monkeypatch.setattr(tuner, "_certify", certify)
+    monkeypatch.setattr(tuner, "certify_change", certify)
     changes = {"slave.axes.lever.load": {"constant": 0.5}, "simulation.axes": {}}
     rig = load_rig(LEVERS, [f"{path}={value!r}" for path, value in changes.items()])
     control = build_rig(rig, clock="fake").control
@@ -211,7 +211,7 @@ def certified_by(
 
     monkeypatch.setattr(asyncio, "create_subprocess_exec", begin)
     rig = load_rig(BENCH)
-    asyncio.run(tuner._certify(rig, with_values(rig, {path: value}), ["slave.lever"]))
+    asyncio.run(tuner.certify_change(rig, with_values(rig, {path: value}), ["slave.lever"]))
     return words
 
 

@@ -71,7 +71,7 @@ def chain_table(rounds: int, *, with_numba: bool) -> Table:
     live = costs({name: calling(part, CHAIN, PLACES, *lists) for name, part in PARTS}, rounds)
     fast = {}
     if with_numba:
-        fast = costs({name: _compiled(part, sizes) for name, part in PARTS}, rounds)
+        fast = costs({name: compiled_work(part, sizes) for name, part in PARTS}, rounds)
     rows: list[list[Value]] = [
         [
             name,
@@ -102,7 +102,7 @@ def compile_part(part: Callable[..., Any]) -> Any:
     return known[part.__name__]
 
 
-def _compiled(part: Callable[..., float], sizes: tuple[int, ...]) -> Work:
+def compiled_work(part: Callable[..., float], sizes: tuple[int, ...]) -> Work:
     """Return the work of calling a part from compiled code, each call after the one before."""
     import numpy as np
 

@@ -24,7 +24,8 @@ def _raise_priority(priority: int) -> str:
     return f"SCHED_FIFO, priority {priority}"
 
 
-def _lock_memory(wanted: bool) -> str:
+def lock_pages(wanted: bool) -> str:
+    """Keep this process' memory from being swapped, if wanted; return what came of it."""
     if not wanted:
         return "mlockall not requested"
     try:
@@ -78,7 +79,7 @@ def realtime(priority: int, cpu: int | None, lock_memory: bool) -> Iterator[list
     scheduler = os.sched_getscheduler(0)
     parameters = os.sched_getparam(0)
     affinity = os.sched_getaffinity(0)
-    sentences = [_pin(cpu), _lock_memory(lock_memory), _raise_priority(priority)]
+    sentences = [_pin(cpu), lock_pages(lock_memory), _raise_priority(priority)]
     try:
         yield sentences
     finally:

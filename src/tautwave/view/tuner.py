@@ -92,7 +92,7 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
     if any(path in wanted for path in changed):
         sets = [wanted] if corner == wanted else [wanted, corner]
         rigs = (one for values in sets for one in at_every_scale(rig, values))
-        jobs = (_certify(*one, facts["hardware"]) for one in rigs)
+        jobs = (certify_change(*one, facts["hardware"]) for one in rigs)
         found = await asyncio.gather(*jobs, return_exceptions=True)
         there = len(found) // len(sets)
         for error in filter(None, found[:there]):
@@ -136,7 +136,14 @@ def at_every_scale(rig: Rig, values: Mapping[str, float]) -> Iterator[tuple[Rig,
     yield from zip((rig, *scales_of(rig)), (changed, *scales_of(changed)), strict=True)
 
 
-async def _certify(rig: Rig, changed: Rig, hardware: Sequence[str]) -> None:
+async def certify_change(rig: Rig, changed: Rig, hardware: Sequence[str]) -> None:
+    """Certify a changed rig in a process of its own.
+
+    Raises
+    ------
+    NotCertifiedError
+        It is not certified, or claims another energy than the run states.
+    """
     _keep_claims(rig, changed)
     child = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "tautwave.certificate", *hardware,

@@ -99,7 +99,7 @@ def workprecision(
     """
     if not has_numba():
         raise ConfigError(NO_NUMBA)
-    scenes = list(_scenes(full, max_error, tell))
+    scenes = list(scenes_of(full, max_error, tell))
     tell("tissue, rates")
     in_real_time = rates(_TISSUE_S[full])
     charges = list(workprecision_plain.charges(scenes, _ROUNDS[full]))
@@ -123,7 +123,7 @@ def workprecision(
     return suite
 
 
-def _scenes(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
+def scenes_of(full: bool, max_error: float, tell: Tell) -> Iterable[Scene]:
     rounds = _ROUNDS[full]
     counts, tolerances = _COUNTS[full], _TOLERANCES[full]
     few, fewer = _PEER_TOLERANCES[full], _PEER_COUNTS[full]

@@ -317,7 +317,7 @@ def test_postures_of_compiled_work_are_one_and_wait_for_each_other(
     plain = SimpleNamespace(njit=lambda **_: lambda function: function)
     monkeypatch.setattr(chains, "importlib", SimpleNamespace(import_module=lambda _: plain))
     monkeypatch.setattr(chains, "compile_part", lambda part: law)
-    assert chains._compiled(chains.moved, (42, 7, 49))(4) >= 0.0
+    assert chains.compiled_work(chains.moved, (42, 7, 49))(4) >= 0.0
     assert postures == [[*chains.PLACES, True, 42, 7, 49]] * 4
 
 
@@ -333,7 +333,7 @@ def test_a_table_of_chains_is_in_microseconds(
         return {name: Cost(spent * (k + 1), 2.0 * spent, rounds, 9) for k, name in enumerate(works)}
 
     monkeypatch.setattr(chains, "costs", costs)
-    monkeypatch.setattr(chains, "_compiled", lambda part, sizes: part)
+    monkeypatch.setattr(chains, "compiled_work", lambda part, sizes: part)
     table = chains.chain_table(5, with_numba=with_numba)
     names = [
         "forward kinematics with Jacobian",

@@ -47,7 +47,7 @@ def write_page(run: Run) -> Path:
     """
     parts: list[Markup] = []
     spent = 0
-    for part in _body(run):
+    for part in body_of(run):
         if isinstance(part, Markup):
             parts.append(part)
             continue
@@ -75,7 +75,7 @@ def write_figures(run: Run, out: Path, kind: str, style: Style) -> list[Path]:
     """
     written = []
     with styled(style):
-        for part in _body(run):
+        for part in body_of(run):
             if isinstance(part, Picture):
                 path = out / f"{part.name}.{kind}"
                 make_directory(out)
@@ -84,7 +84,8 @@ def write_figures(run: Run, out: Path, kind: str, style: Style) -> list[Path]:
     return written
 
 
-def _body(run: Run) -> Iterator[Part]:
+def body_of(run: Run) -> Iterator[Part]:
+    """Yield the parts of a run's page in their order."""
     yield from _head(run)
     if run.began:
         yield from _motion(run)
