@@ -2,14 +2,17 @@
 
     python -m tests.mutants map                     # once: which test executes which line (minutes)
     python -m tests.mutants run --seed 12 --count 300 --out mutants.jsonl
+    python -m tests.mutants run --anywhere --seed 12 --count 60 --out sample.jsonl
 
 A mutant is one change in one place: a comparison, an operator, a constant, a condition, a statement
 left out. Folders take turns, so that a small floor gets as many as a large one, and draw with
-random numbers of their own: an edit in one floor changes no other's mutants. A mutant is killed
-when a test fails or hangs. Survivors are printed with file, line and change; one that changes
-nothing a test could see is written down in `tests/mutants-equivalent.txt` with the reason.
-A run that was stopped continues (`--out` holds what is judged); `--from` and `--only` choose a
-part. The map needs `pytest-cov` (extra dev). Mutants live in a copy of the checkout.
+random numbers of their own: an edit in one floor changes no other's mutants. With `--anywhere` each
+place in `src` is as likely as another: a sample that says which share of all is killed.
+
+A mutant is killed when a test fails or hangs. Survivors are printed with file, line and change; one
+that changes nothing a test could see is written down in `tests/mutants-equivalent.txt` with the
+reason. A run that was stopped continues (`--out` holds what is judged); `--from` and `--only`
+choose a part. The map needs `pytest-cov` (extra dev). Mutants live in a copy of the checkout.
 """
 
 from __future__ import annotations
@@ -67,6 +70,14 @@ def drawn(seed: int, count: int) -> list[Mutant]:
     return list(islice(turns, count))
 
 
+def sample(seed: int, count: int) -> list[Mutant]:
+    """Return mutants of `src`, each place in it as likely as another."""
+    paths = sorted(path.relative_to(ROOT) for path in (ROOT / "src").rglob("*.py"))
+    texts = {str(path): (ROOT / path).read_text(encoding="utf-8") for path in paths}
+    every = [one for path, text in texts.items() for one in mutants_of(path, text)]
+    return random.Random(seed).sample(every, count)
+
+
 def draw(seed: str, paths: list[str]) -> Iterator[Mutant]:
     """Yield mutants of these files, none twice, until there are hardly new ones."""
     chance = random.Random(seed)
@@ -82,11 +93,11 @@ def draw(seed: str, paths: list[str]) -> Iterator[Mutant]:
             yield one
 
 
-def make_map(tests: list[str]) -> int:
+def make_map(tests: list[str], marked: str) -> int:
     """Run the tests (default: all) once; keep which executes which line, and their times."""
     MAP.parent.mkdir(exist_ok=True)
     environment = os.environ | {"COVERAGE_FILE": str(MAP)}
-    command = [sys.executable, "-m", "pytest", "-q", "-m", MARKED, "--cov-report="]
+    command = [sys.executable, "-m", "pytest", "-q", "-m", marked, "--cov-report="]
     command += ["--cov-context=test", *(f"--cov={tree}" for tree in TREES)]
     command += [f"--junit-xml={MAP.with_name('times.xml')}", "-o", "junit_duration_report=call"]
     return subprocess.run([*command, *tests], cwd=ROOT, env=environment, check=False).returncode
@@ -270,7 +281,7 @@ def equivalents() -> set[tuple[str, str, str]]:
     return found
 
 
-def run(seed: int, count: int, out: Path, only: tuple[str, ...], first: int) -> int:
+def run(mutants: list[Mutant], out: Path, only: tuple[str, ...], first: int) -> int:
     """Judge mutants, a line of JSON each; what `out` holds as killed is not judged again."""
     done = {}
     if out.exists():
@@ -281,7 +292,7 @@ def run(seed: int, count: int, out: Path, only: tuple[str, ...], first: int) -> 
     with out.open("a", encoding="utf-8") as kept:
         judge = Judge(MAP.with_name("room"))
         judge.check([min(took, key=lambda name: took[name])])
-        for mutant in drawn(seed, count)[first:]:
+        for mutant in mutants[first:]:
             judged = done.get(tuple(mutant), "").startswith("killed")
             if judged or not mutant.path.startswith(only):
                 continue
@@ -311,6 +322,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("what", choices=("map", "run"))
     parser.add_argument("tests", nargs="*", help="map: only these tests")
+    parser.add_argument("--marked", default=MARKED, help="map: tests of this marker expression")
+    parser.add_argument("--anywhere", action="store_true", help="run: each place of src alike")
     parser.add_argument("--only", nargs="+", default=[""], help="run: of paths that begin so")
     parser.add_argument("--from", type=int, default=0, dest="first", help="run: leave out so many")
     parser.add_argument("--seed", type=int, default=12)
@@ -318,8 +331,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("mutants.jsonl"))
     given = parser.parse_args()
     if given.what == "map":
-        return make_map(given.tests)
-    return run(given.seed, given.count, given.out, tuple(given.only), given.first)
+        return make_map(given.tests, given.marked)
+    mutants = (sample if given.anywhere else drawn)(given.seed, given.count)
+    return run(mutants, given.out, tuple(given.only), given.first)
 
 
 if __name__ == "__main__":
