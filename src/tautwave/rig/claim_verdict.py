@@ -16,6 +16,7 @@ from tautwave.analysis.claim import Claim, joules, short, watts
 from tautwave.config import Rig
 from tautwave.registry import load_named
 from tautwave.rig.allowance.filling import axis_allowance
+from tautwave.rig.claims import kinetic_energy, stall_energy
 from tautwave.rig.parts import coupling_part
 from tautwave.types import CommandDelay
 from tautwave.wording import Hint
@@ -241,28 +242,89 @@ def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
         yield Hint("hint on claims", text, f"loop.{key}={value}")
 
 
+NOTHING_LEFT = "no effort left on"
+"""Begins the subject of a hint on an axis that carries its load, and can do nothing else."""
+
+NOTHING = 0.05
+"""Share of what an axis' load leaves of its effort below which its pair does not get through."""
+
+STEP = 1.1
+"""Factor between the energies that are tried as a remedy."""
+
+
 def bound_hints(rig: Rig, delays: Delays) -> Iterator[Hint]:
-    """Yield what `stall_energy_j` leaves of an axis' effort at rest, where that is not all."""
+    """Yield what `stall_energy_j` leaves of an axis' effort at rest, where that is not all.
+
+    What its load takes is not left: an axis that carries it may have nothing for its pair. Each
+    remedy has been computed with its value.
+    """
     for axis_name in rig.axes:
-        claim = terms_of(rig, axis_name, delays)
-        limit = axis_allowance(rig, axis_name, delays[axis_name]).effort
-        if not isinstance(claim, Claim) or math.isinf(claim.bounded) or claim.effort >= limit:
+        has = axis_allowance(rig, axis_name, delays[axis_name])
+        left = _left_at_rest(rig, axis_name, delays)
+        if left is None or left >= has.shared_effort:
             continue
-        enough = change = ""
-        for value in range(rig.overrun_limit - 1, LEAST - 1, -1):
-            loop = rig.loop.model_copy(update={"overrun_limit": value})
-            less = terms_of(rig.model_copy(update={"loop": loop}), axis_name, delays)
-            if isinstance(less, Claim) and less.effort >= limit:
-                enough = f"; with loop.overrun_limit {value} all of it"
-                change = f"loop.overrun_limit={value}"
-                break
         unit = "N m" if rig.axes[axis_name].kind == "rotary" else "N"
+        share = left / has.shared_effort
+        change, enough = _shorter_stall(rig, axis_name, delays)
+        if share < NOTHING and not change:
+            change, enough = _more_energy(rig, axis_name, delays)
+        beside = f" beside the {has.load_effort:.3g} {unit} of its load" if has.load_effort else ""
+        if share < NOTHING:
+            much = f"stall_energy_j leaves it {left:.2g} of {has.shared_effort:.3g} {unit}{beside}"
+            text = f"{much}: it does not follow{enough}"
+            yield Hint(f"{NOTHING_LEFT} {axis_name}", text, change)
+            continue
+        of = "what its load leaves of effort_limit" if beside else "effort_limit"
         yield Hint(
             f"hint on {axis_name}",
-            f"stall_energy_j leaves {claim.effort:.3g} {unit} of its effort at rest, "
-            f"{claim.effort / limit:.0%} of effort_limit, and less while it moves{enough}",
+            f"stall_energy_j leaves {left:.3g} {unit} of its effort at rest{beside}, "
+            f"{share:.0%} of {of}, and less while it moves{enough}",
             change,
         )
+
+
+def _left_at_rest(rig: Rig, axis_name: str, delays: Delays) -> float | None:
+    """Return what a stall leaves an axis at rest beside its load [N m or N], None: no bound."""
+    claim = terms_of(rig, axis_name, delays)
+    if not isinstance(claim, Claim) or math.isinf(claim.bounded):
+        return None
+    return claim.effort - axis_allowance(rig, axis_name, delays[axis_name]).load_effort
+
+
+def _has_all(rig: Rig, axis_name: str, delays: Delays) -> bool:
+    """Return whether a stall leaves an axis all that its load leaves of its effort."""
+    left = _left_at_rest(rig, axis_name, delays)
+    return left is None or left >= axis_allowance(rig, axis_name, delays[axis_name]).shared_effort
+
+
+def _shorter_stall(rig: Rig, axis_name: str, delays: Delays) -> tuple[str, str]:
+    """Return the greatest `overrun_limit` that leaves an axis all its effort, and words for it."""
+    for value in range(rig.overrun_limit - 1, LEAST - 1, -1):
+        loop = rig.loop.model_copy(update={"overrun_limit": value})
+        if _has_all(rig.model_copy(update={"loop": loop}), axis_name, delays):
+            return f"loop.overrun_limit={value}", f"; with loop.overrun_limit {value} all of it"
+    return "", ""
+
+
+def _more_energy(rig: Rig, axis_name: str, delays: Delays) -> tuple[str, str]:
+    """Return a `stall_energy_j` that leaves an axis all its effort, and words for it."""
+    side, _, name = axis_name.partition(".")
+    kinetic = kinetic_energy(rig, axis_name)
+
+    def enough(energy: float) -> bool:
+        block = getattr(rig, side)
+        axis = block.axes[name].model_copy(update={"stall_energy_j": energy})
+        block = block.model_copy(update={"axes": {**block.axes, name: axis}})
+        return _has_all(rig.model_copy(update={side: block}), axis_name, delays)
+
+    energy = stall_energy(rig, axis_name)
+    while energy < STALL_REFUSED * kinetic / STEP:
+        energy = float(f"{STEP * energy:.3g}")
+        if enough(energy):
+            text = f"; with {energy:g} J all of it, and a stall may then give as much: "
+            text += f"{short(energy / kinetic)} times what it has at velocity_limit"
+            return f"{side}.axes.{name}.stall_energy_j={energy:g}", text
+    return "", "; its load is too heavy, or its velocity_limit too low, for its effort_rate_limit"
 
 
 def _let_go(

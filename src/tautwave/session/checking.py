@@ -10,7 +10,7 @@ from tautwave.contracts import Budget
 from tautwave.errors import BusBudgetError, NotCertifiedError
 from tautwave.registry import load_driver, require_modules
 from tautwave.rig import BusWay, Simulate, Way, as_taken, bus_ways, command_delays
-from tautwave.rig.claim_verdict import bound_hints, claim_hints
+from tautwave.rig.claim_verdict import NOTHING_LEFT, bound_hints, claim_hints
 from tautwave.session.claims import PortClaim, claims_of
 from tautwave.session.facts import (
     allowance_rows,
@@ -211,10 +211,11 @@ def check(rig: Rig, *, simulate: Simulate = (), brief: bool = False) -> CheckRes
 
 
 def _improvement(facts: Sequence[tuple[str, str]]) -> Hint | None:
-    """Return the hint that matters most: on claims, then with a value to set, then any."""
+    """Return the hint that matters most: who cannot follow, claims, a value to set, any."""
 
-    def rank(hint: Hint) -> tuple[bool, bool]:
-        return hint[0] != "hint on claims", not hint.change
+    def rank(hint: Hint) -> tuple[bool, bool, bool]:
+        starved = hint[0].startswith(NOTHING_LEFT)
+        return not starved, hint[0] != "hint on claims", not hint.change
 
     return min((fact for fact in facts if isinstance(fact, Hint)), key=rank, default=None)
 
