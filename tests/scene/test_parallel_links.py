@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from tautwave.cli import main
 from tautwave_scenes.models import interaction as law
+from tautwave_scenes.models.link_kinds import LINK_KINDS
 from tautwave_scenes.networks import compiling, live
 from tautwave_scenes.networks.live import SceneModel
 from tautwave_scenes.networks.network import Link, Mass, Network
@@ -123,7 +124,7 @@ def test_merged_equals_unmerged_to_the_bit(scheme, seed):
 
 def bundles(links):
     """Of each link in the arrays' order, the members whose forces are added first; see below."""
-    order = sorted(links, key=lambda link: compiling.ORDER.index(compiling.LAWS[link.kind]))
+    order = sorted(links, key=lambda link: compiling.ORDER.index(LINK_KINDS[link.kind].number))
     into = {link.name: name or link.name for link, name in join_links(links)}
     at = {link.name: index for index, link in enumerate(order)}
     members: dict[int, list[int]] = {index: [] for index in range(len(order))}

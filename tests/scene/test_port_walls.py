@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tautwave_scenes.models.interaction import elastic_tension
-from tautwave_scenes.networks.compiling import LAWS
+from tautwave_scenes.models.link_kinds import LINK_KINDS
 from tautwave_scenes.networks.live import SceneModel
 from tautwave_scenes.networks.network import Link, Mass, Network
 from tautwave_scenes.networks3d.live import Model3d
@@ -46,7 +46,7 @@ CASES = [(name, scheme) for name in WALLS for scheme in ("discrete_gradient", "s
 def test_a_wall_at_a_port_is_felt(name: str, scheme: str) -> None:
     link = LINKS[name]
     at, efforts, model = run(link, scheme)
-    law = LAWS[link.kind]
+    law = LINK_KINDS[link.kind].number
     want = [elastic_tension(law, link.stiffness, link.exponent, x) for x in at.tolist()]
     assert np.abs(efforts).max() > 1.0
     assert efforts == pytest.approx(np.array(want), abs=1e-12)

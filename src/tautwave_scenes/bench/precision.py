@@ -21,7 +21,8 @@ from tautwave.bench.precision.points import Point, Scene
 from tautwave.config import Hand, Rig, load_rig
 from tautwave.errors import ConfigError
 from tautwave.motion import reference_positions
-from tautwave_scenes.networks.network import LINEAR, Network, String
+from tautwave_scenes.models.link_kinds import LINK_KINDS, is_linear
+from tautwave_scenes.networks.network import Network, String
 from tautwave_scenes.networks3d.network import Network3d
 from tautwave_scenes.report.inputs import stage_of
 from tautwave_scenes.rig.network import scheme_choice
@@ -79,8 +80,8 @@ def schemes_of(network: Network | Network3d) -> tuple[str, ...]:
         return ("discrete_gradient", "linearly_implicit", "symplectic")
     if network.strings:
         return ("discrete_gradient",)
-    linear = all(link.kind in LINEAR for link in network.links)
-    kutta = ("rk4",) if all(link.kind != "plastic" for link in network.links) else ()
+    linear = all(is_linear(link.kind) for link in network.links)
+    kutta = ("rk4",) if all(LINK_KINDS[link.kind].potential for link in network.links) else ()
     return (*(("exact",) if linear else ()), "discrete_gradient", "symplectic", *kutta)
 
 
@@ -297,6 +298,6 @@ def _notes(stage: Stage) -> tuple[str, ...]:
             "a string's samples are whole, so coarser steps would be another pitch; its point has "
             "no mass, and where the bow lets go is found to a sample: first order"
         )
-    if any(link.kind == "contact" for link in stage.network.links):
+    if any(LINK_KINDS[link.kind].one_way for link in stage.network.links):
         notes.append("scenes with contacts are chaotic: over longer spans any two steps diverge")
     return tuple(notes)

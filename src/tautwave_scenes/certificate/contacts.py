@@ -26,11 +26,9 @@ from tautwave_scenes.certificate.joint import (
     needed_together,
     radius_of,
 )
+from tautwave_scenes.models.link_kinds import LINK_KINDS
 from tautwave_scenes.networks.network import Link
 from tautwave_scenes.networks.sampled import PortMap
-
-CURVED = ("contact", "nonlinear", "plastic")
-"""Links that are linear only piece by piece, and have a steepest piece."""
 
 FORCES = (1.0, 0.1, 0.01)
 """Shares of the greatest force at which a contact that stiffens with depth is taken."""
@@ -74,13 +72,16 @@ Kind = Callable[[Link], Hashable]
 
 def curved_links(links: Iterable[Link]) -> list[Link]:
     """Return the links that open and close, or stiffen."""
-    return [link for link in links if link.kind in CURVED and link.stiffness > 0.0]
+    return [
+        link for link in links if LINK_KINDS[link.kind].proof == "curved" and link.stiffness > 0.0
+    ]
 
 
 def is_wall(link: Link, ports: Collection[str], fixed: Collection[str]) -> bool:
     """Return whether a contact without loss is between a port and the ground."""
     ends = {link.a, link.b}
-    lossless = link.kind in ("contact", "nonlinear") and link.loss == 0.0 and link.damping == 0.0
+    kind = LINK_KINDS[link.kind]
+    lossless = kind.proof == "curved" and kind.potential and link.loss == link.damping == 0.0
     return lossless and len(ends & set(ports)) == 1 and len(ends & set(fixed)) == 1
 
 
@@ -115,7 +116,7 @@ def pressed(group: Sequence[Link], press: Press, share: float) -> dict[str, Pres
     sides = Counter((end, end == link.a) for link in group for end in (link.a, link.b))
     found = {}
     for link in group:
-        k, e = link.stiffness, link.exponent if link.kind != "plastic" else 1.0
+        k, e = link.stiffness, link.exponent
         at_ports = [
             press.forces[end] / sides[end, end == link.a]
             for end in (link.a, link.b)
@@ -123,7 +124,7 @@ def pressed(group: Sequence[Link], press: Press, share: float) -> dict[str, Pres
         ]
         depth = ((e + 1.0) * press.energy / k) ** (1.0 / (e + 1.0))
         force = share * min(at_ports, default=k * depth**e)
-        if link.kind == "plastic":
+        if LINK_KINDS[link.kind].bounded:
             force = min(force, link.limit)
         depth = (force / k) ** (1.0 / e)
         found[link.name] = Pressed(
@@ -143,9 +144,7 @@ def regimes(links: Sequence[Link], press: Press, kind: Kind) -> list[Regime]:
 
 def shares(group: Iterable[Link]) -> tuple[float, ...]:
     """Return the shares of the greatest force at which links are to be taken."""
-    stiffens = any(
-        (link.exponent != 1.0 and link.kind != "plastic") or link.loss > 0.0 for link in group
-    )
+    stiffens = any(link.exponent != 1.0 or link.loss > 0.0 for link in group)
     return FORCES if stiffens else FORCES[:1]
 
 

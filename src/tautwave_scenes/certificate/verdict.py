@@ -48,8 +48,9 @@ from tautwave_scenes.certificate.contacts import (
     regimes,
 )
 from tautwave_scenes.certificate.maps import closed_part, needed, own_radius
+from tautwave_scenes.models.link_kinds import LINK_KINDS, is_active
 from tautwave_scenes.networks.compiling import compile_network
-from tautwave_scenes.networks.network import ACTIVE, LINEAR, Link, Network
+from tautwave_scenes.networks.network import Link, Network
 from tautwave_scenes.networks.pruning import prune
 from tautwave_scenes.networks.sampled import (
     LinearScene,
@@ -144,7 +145,8 @@ def _curved(network: Network, limit: float) -> tuple[str, ...]:
     names = [
         link.name
         for link in network.links
-        if link.kind not in (*LINEAR, *ACTIVE) and not is_wall(link, network.ports, fixed)
+        if LINK_KINDS[link.kind].proof in ("curved", "sliding")
+        and not is_wall(link, network.ports, fixed)
     ]
     names += [string.name for string in network.strings]
     return (unproved(names, limit),) if names else ()
@@ -152,7 +154,7 @@ def _curved(network: Network, limit: float) -> tuple[str, ...]:
 
 def active_links(network: Network | Network3d) -> Verdict | None:
     """Return the refusal of elements that feed energy."""
-    names = [link.name for link in network.links if link.kind in ACTIVE]
+    names = [link.name for link in network.links if is_active(link.kind)]
     if not names:
         return None
     return Verdict(

@@ -46,7 +46,7 @@ from tautwave_scenes.certificate.verdict import active_links, joined
 from tautwave_scenes.certificate3d.clipping import limit_conditions, limits_elements
 from tautwave_scenes.certificate3d.contacts import regimes3d
 from tautwave_scenes.certificate3d.maps import levers, network3d_map
-from tautwave_scenes.networks.network import ACTIVE, LINEAR
+from tautwave_scenes.models.link_kinds import LINK_KINDS, is_linear
 from tautwave_scenes.networks.sampled import PortMap
 from tautwave_scenes.networks3d.arrays import Arrays3d, compile_network3d
 from tautwave_scenes.networks3d.matrices import symplectic_share, tangent
@@ -112,11 +112,13 @@ class _Scene:
 
     def conditions(self) -> tuple[str, ...]:
         """Return the conditions that no theorem covers."""
-        curved = [k.name for k in self.network.links if k.kind not in (*LINEAR, *ACTIVE)]
+        curved = [
+            k.name for k in self.network.links if LINK_KINDS[k.kind].proof in ("curved", "sliding")
+        ]
         turning = [
             k.name
             for k in self.network.links
-            if k.kind in LINEAR and (k.rest != 0.0 or k.damping > 0.0)
+            if is_linear(k.kind) and (k.rest != 0.0 or k.damping > 0.0)
         ]
         conditions = []
         if curved:

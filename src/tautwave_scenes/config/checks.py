@@ -11,12 +11,12 @@ from tautwave.config.text.yaml12 import KeyPath
 from tautwave_scenes.config.keys import Scene, ScenePort
 from tautwave_scenes.config.keys3d import Scene3d
 from tautwave_scenes.config.sounds import check_sound
+from tautwave_scenes.models.link_kinds import LINK_KINDS, is_linear
 
 if TYPE_CHECKING:
     from tautwave_scenes.config.keys3d import Scene3d
 
 GROUND = "ground"
-LINEAR = ("spring", "damper")
 
 
 def check_scene(document: Document, parts: Parts, scene: Scene) -> None:
@@ -155,15 +155,20 @@ def _check_scheme(document: Document, parts: Parts, scene: Scene) -> None:
     path: KeyPath = ("scene", "scheme")
     if scene.strings and scene.scheme not in ("auto", "discrete_gradient"):
         document.report(path, f"strings need discrete_gradient (got {scene.scheme})")
-    curved = [name for name, link in scene.links.items() if link.type not in LINEAR]
+    curved = [name for name, link in scene.links.items() if not is_linear(link.type)]
     if scene.scheme == "exact" and curved:
         document.report(
             path, f"exact is for springs and dampers; links.{curved[0]} needs discrete_gradient"
         )
-    plastic = [name for name, link in scene.links.items() if link.type == "plastic"]
-    if scene.scheme == "rk4" and plastic:
+    keeps = [
+        (name, link.type)
+        for name, link in scene.links.items()
+        if not LINK_KINDS[link.type].potential
+    ]
+    if scene.scheme == "rk4" and keeps:
+        name, kind = keeps[0]
         document.report(
-            path, f"rk4 does not support plastic links; links.{plastic[0]} needs discrete_gradient"
+            path, f"rk4 does not support {kind} links; links.{name} needs discrete_gradient"
         )
     if scene.discretise == "with_device":
         _check_with_device(document, scene, curved)

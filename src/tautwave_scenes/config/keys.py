@@ -127,17 +127,13 @@ class EnergySourceLink(Chain):
     )
 
 
+OtherLink = (
+    NonlinearLink | PlasticLink | FrictionLink | BowLink | NegativeDamperLink | EnergySourceLink
+)
+"""Links that are alike in one dimension and in three."""
+
 SceneLink = Annotated[
-    SpringLink
-    | DamperLink
-    | ContactLink
-    | NonlinearLink
-    | PlasticLink
-    | FrictionLink
-    | BowLink
-    | NegativeDamperLink
-    | EnergySourceLink,
-    Field(discriminator="type"),
+    SpringLink | DamperLink | ContactLink | OtherLink, Field(discriminator="type")
 ]
 
 

@@ -18,18 +18,13 @@ from tautwave.config.keys.common import Block, Name, NonNegative, Positive
 from tautwave.config.keys.control import ControlKeys
 from tautwave.errors import ConfigError
 from tautwave_scenes.config.keys import (
-    BowLink,
     ContactLink,
     DamperLink,
-    EnergySourceLink,
     FadeIn,
     FadeOut,
-    FrictionLink,
     HoldLimit,
-    NegativeDamperLink,
     NoiseForce,
-    NonlinearLink,
-    PlasticLink,
+    OtherLink,
     Scene,
     SceneOutput,
     SineForce,
@@ -148,18 +143,7 @@ class ContactLink3d(ContactLink):
     )
 
 
-Link3d = Annotated[
-    SpringLink
-    | DamperLink
-    | ContactLink3d
-    | NonlinearLink
-    | PlasticLink
-    | FrictionLink
-    | BowLink
-    | NegativeDamperLink
-    | EnergySourceLink,
-    Field(discriminator="type"),
-]
+Link3d = Annotated[SpringLink | DamperLink | ContactLink3d | OtherLink, Field(discriminator="type")]
 
 
 class Port3d(Block):

@@ -10,23 +10,12 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any, NamedTuple
 
-from tautwave_scenes.models import interaction as law
 from tautwave_scenes.models.interaction import elastic_energy
+from tautwave_scenes.models.link_kinds import LINK_KINDS
 from tautwave_scenes.networks.network import Link, Mass, Network, String
 from tautwave_scenes.networks.parallel_links import join_links
 
-LAWS = {
-    "contact": law.CONTACT,
-    "spring": law.SPRING,
-    "damper": law.SPRING,
-    "nonlinear": law.POWER,
-    "plastic": law.PLASTIC,
-    "friction": law.FRICTION,
-    "bow": law.BOW,
-    "negative_damper": law.NEGATIVE,
-    "energy_source": law.SOURCE,
-}
-ORDER = tuple(dict.fromkeys(LAWS.values()))
+ORDER = tuple(dict.fromkeys(kind.number for kind in LINK_KINDS.values()))
 
 Numbers = Any
 """A list of floats (live) or a float64 array (compiled); ints in the index arrays."""
@@ -137,7 +126,7 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
             count,
             len(network.ports),
             len(links),
-            sum(link.kind == "contact" for link in links),
+            sum(LINK_KINDS[link.kind].one_way for link in links),
         ],
         mass=[mass.mass for mass in masses],
         mobility=[1.0 / mass.mass if mass.mass else 0.0 for mass in masses],
@@ -168,12 +157,12 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
 def ordered_links(links: Sequence[Link]) -> list[Link]:
     """Return the links in the order of their laws, identical parallel ones joined."""
     joined = [link for link, _ in join_links(links)]
-    return sorted(joined, key=lambda link: ORDER.index(LAWS[link.kind]))
+    return sorted(joined, key=lambda link: ORDER.index(LINK_KINDS[link.kind].number))
 
 
 def link_fields(links: Sequence[Link], stretch: list[float]) -> dict[str, Any]:
     """Return the fields of links that no dimension changes; `stretch` [m] is that of the start."""
-    kind = [LAWS[link.kind] for link in links]
+    kind = [LINK_KINDS[link.kind].number for link in links]
     nothing = ("tension", "set_in", "lost", "made", "numeric")
     return {
         "kind": kind,

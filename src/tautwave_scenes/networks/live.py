@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from tautwave.errors import ConfigError
 from tautwave_scenes.models.interaction import FRICTION, PLASTIC, elastic_tension
+from tautwave_scenes.models.link_kinds import LINK_KINDS
 from tautwave_scenes.networks.compiling import Compiled, compile_network
 from tautwave_scenes.networks.ledger import Ledger, element_books, kinetic_energy, take_ledger
 from tautwave_scenes.networks.network import Network
@@ -47,9 +48,10 @@ class SceneModel:
             raise ConfigError(f"there is no scheme {scheme}; there are {', '.join(SCHEMES)}")
         if network.strings and scheme != "discrete_gradient":
             raise ConfigError("a string needs scheme discrete_gradient: its node has no mass")
-        if scheme == "rk4" and any(link.kind == "plastic" for link in network.links):
+        keeps = [link.kind for link in network.links if not LINK_KINDS[link.kind].potential]
+        if scheme == "rk4" and keeps:
             raise ConfigError(
-                "rk4 does not support plastic links: use discrete_gradient or symplectic"
+                f"rk4 does not support {keeps[0]} links: use discrete_gradient or symplectic"
             )
         self.network = network
         self.scheme = scheme

@@ -11,11 +11,6 @@ from typing import NamedTuple
 
 GROUND = "ground"
 
-LINEAR = ("spring", "damper")
-ELASTIC = ("spring", "nonlinear", "contact", "plastic")
-ACTIVE = ("negative_damper", "energy_source")
-KINDS = (*ELASTIC, "damper", "friction", "bow", *ACTIVE)
-
 
 class Mass(NamedTuple):
     """A mass [kg], its initial position and velocity [m, m/s], its damping to ground [N s/m]."""
@@ -30,10 +25,10 @@ class Mass(NamedTuple):
 class Link(NamedTuple):
     """A link from node `a` to node `b`; stretch is x_a - x_b - rest. See `models.interaction`.
 
-    `kind` is one of `KINDS`; `limit` is the yield or friction force [N] or a source's power [W];
-    `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction saturates. Between
-    points of three dimensions (`networks3d`) stretch is their distance less `rest`, along a
-    `normal` if there is one: a plane.
+    `kind` is one of `models.link_kinds`; `limit` is the yield or friction force [N] or a source's
+    power [W]; `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction
+    saturates. Between points of three dimensions (`networks3d`) stretch is their distance less
+    `rest`, along a `normal` if there is one: a plane.
     """
 
     name: str

@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tautwave.models.linear import flow_rows
+from tautwave_scenes.models.link_kinds import is_linear
 from tautwave_scenes.networks.live import SceneModel
-from tautwave_scenes.networks.network import LINEAR, Network
+from tautwave_scenes.networks.network import Network
 
 Matrix = npt.NDArray[np.float64]
 
@@ -54,7 +55,7 @@ def linear_part(network: Network) -> Network:
         links=tuple(
             link._replace(rest=0.0)
             for link in network.links
-            if link.kind in LINEAR and not gone & {link.a, link.b}
+            if is_linear(link.kind) and not gone & {link.a, link.b}
         ),
         grounds=tuple((name, 0.0) for name, _ in network.grounds),
         strings=(),

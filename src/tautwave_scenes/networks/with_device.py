@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave_scenes.networks.network import LINEAR, Network
+from tautwave_scenes.models.link_kinds import is_linear
+from tautwave_scenes.networks.network import Network
 from tautwave_scenes.networks.sampled import linear_scene, loop_poles
 
 Numbers = npt.NDArray[np.float64]
@@ -69,7 +70,7 @@ def why_not(network: Network) -> str | None:
     """Return why a network's numbers cannot be chosen so, or None."""
     if len(network.ports) != 1:
         return f"it is for one port (there are {len(network.ports)})"
-    if network.strings or any(link.kind not in LINEAR for link in network.links):
+    if network.strings or any(not is_linear(link.kind) for link in network.links):
         return "it is for masses, springs and dampers"
     springs = [link for link in network.links if link.stiffness > 0.0]
     touching = [link for link in springs if network.ports[0] in (link.a, link.b)]

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from tautwave_scenes.models.interaction import BOW, CONTACT, FRICTION, PLASTIC, SPRING
+from tautwave_scenes.models.interaction import SPRING
+from tautwave_scenes.models.link_kinds import BY_NUMBER, Constants
 from tautwave_scenes.networks3d.arrays import Arrays3d
 from tautwave_scenes.networks3d.straining import element_matrix
 from tautwave_scenes.networks3d.tension import length_of, link_way
@@ -132,17 +133,9 @@ def steepest(s: Arrays3d, i: int) -> tuple[float, float]:
 
     Two balls overlap at most by their radii; friction is steepest at rest.
     """
-    kind, k, e = s.kind[i], s.k[i], s.e[i]
-    if kind in (SPRING, PLASTIC):
-        return k, s.z[i]
-    if kind == CONTACT and not s.flat[i]:
-        depth = s.rest[i]
-        return e * k * depth ** (e - 1.0), s.loss[i] * k * depth**e
-    if kind == CONTACT and e == 1.0:
-        return k, 0.0
-    if kind in (FRICTION, BOW):
-        return 0.0, (1.0 if kind == FRICTION else 2.0) * s.limit[i] / s.scale[i]
-    return 0.0, 0.0
+    depth = math.inf if s.flat[i] else s.rest[i]
+    constants = Constants(s.k[i], s.e[i], s.z[i], s.loss[i], s.limit[i], s.scale[i], depth)
+    return BY_NUMBER[s.kind[i]].steepest(constants)
 
 
 MOST = 400

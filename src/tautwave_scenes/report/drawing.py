@@ -28,6 +28,7 @@ from tautwave.report.figures.frames import (
     ground,
     save_frames,
 )
+from tautwave_scenes.models.link_kinds import LINK_KINDS
 from tautwave_scenes.report.view import SceneView
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 Ints = npt.NDArray[np.int64]
 WIDTH, HEIGHT = 480, 320
 BAR, GROUND_LINE = 5, 2  # thickness [pixel of the animation]
-ZIGZAG = ("spring", "nonlinear", "plastic")
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.97, 0.08, 0.9
 _LAST = 0.88  # end of the columns; names of grounds are drawn beside them
 
@@ -85,7 +85,7 @@ def _aside(view: SceneView, rows: slice, moving: set[str], size: float) -> dict[
     """Return the offset of each bar and ground from what touches it [pixel, down]."""
     sides: dict[str, list[float]] = {}
     for link in view.network.links:
-        if link.kind != "contact" or link.a not in view.at or link.b not in view.at:
+        if not LINK_KINDS[link.kind].one_way or link.a not in view.at or link.b not in view.at:
             continue
         for bar, ball in ((link.a, link.b), (link.b, link.a)):
             if ball in moving and bar not in moving:
@@ -145,7 +145,7 @@ def _squeezed(view: SceneView, frame: _Frame, name: str, row: int) -> tuple[floa
     y = frame.y(float(view.at[name][row]))
     top, bottom = y - frame.size, y + frame.size
     for link in view.network.links:
-        if link.kind != "contact" or name not in (link.a, link.b):
+        if not LINK_KINDS[link.kind].one_way or name not in (link.a, link.b):
             continue
         bar = link.b if link.a == name else link.a
         aside = frame.aside.get(bar, 0.0)
@@ -195,7 +195,7 @@ def _link(
     (x1, y1), (x2, y2) = (
         (frame.columns.get(end, column), frame.y(float(view.at[end][row]))) for end in ends
     )
-    if kind not in ZIGZAG:
+    if LINK_KINDS[kind].symbol != "spring":
         _dashes(pen, x1, y1, x2, y2, hue[BAND])
         return
     turns, wide = 9, 0.6 * frame.size

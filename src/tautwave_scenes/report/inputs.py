@@ -12,8 +12,9 @@ from tautwave.config import Rig
 from tautwave.controller.stops import ARM_SHARE
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
+from tautwave_scenes.models.link_kinds import is_linear
 from tautwave_scenes.networks.live import SceneModel
-from tautwave_scenes.networks.network import LINEAR, Network, String
+from tautwave_scenes.networks.network import Network, String
 from tautwave_scenes.networks.schemes.exact import MOST
 from tautwave_scenes.networks3d.live import Model3d
 from tautwave_scenes.networks3d.network import Network3d
@@ -65,7 +66,7 @@ def stage_of(rig: Rig) -> Stage:
         return Stage(spatial, scheme, scheme, spatial.axes, scales, [0.0] * len(scales))
     network = pruned_network(rig).network
     scene = scene_of(rig)
-    linear = all(link.kind in LINEAR for link in network.links)
+    linear = all(is_linear(link.kind) for link in network.links)
     exact = linear and not network.strings and len(network.masses) <= MOST
     return Stage(
         network,

@@ -19,11 +19,14 @@ from PIL import Image, ImageColor, ImageDraw
 from tautwave.canvas import EDGE, GRID, INK, MASTER, PAPER, SHADE, SLAVE, SOFT
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.frames import LIGHT, OVER, Colours, ground, save_frames
+from tautwave_scenes.models.link_kinds import LINK_KINDS
 from tautwave_scenes.report.drawing import HEIGHT, WIDTH, pick_rows, still_png
 from tautwave_scenes.report3d.tissue import Triangle, edges_at_rest, strain_of, surface_of
 from tautwave_scenes.report3d.view import View3d, project
 
-DRAWN = ("spring", "nonlinear", "plastic", "damper")
+DRAWN = ("spring", "damper")
+"""Symbols of links that are threads."""
+
 _MARGIN = 0.07
 TALLEST = 2 * WIDTH  # what is taller still is drawn smaller
 
@@ -104,7 +107,7 @@ def _layout(view: View3d, rows: slice) -> _Frame:
     drawn = [
         _lengths(view, link.a, link.b, rows) - link.rest
         for link in view.network.links
-        if link.kind in DRAWN and link.a in view.at and link.b in view.at
+        if LINK_KINDS[link.kind].symbol in DRAWN and link.a in view.at and link.b in view.at
     ]
     stretches = np.concatenate(drawn) if drawn else np.zeros(1)
     stretches = stretches[np.isfinite(stretches)]
@@ -128,7 +131,7 @@ def _balls(view: View3d) -> dict[str, float]:
     ports = {port.name for port in view.network.ports}
     found: dict[str, float] = {}
     for link in view.network.links:
-        if link.kind == "contact" and link.normal is None:
+        if LINK_KINDS[link.kind].one_way and link.normal is None:
             hands = [end for end in (link.a, link.b) if end in ports]
             for end in hands or (link.a, link.b):
                 radius = link.rest if hands else 0.5 * link.rest
@@ -170,7 +173,7 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
     seen = {name: place for name, place in seen.items() if np.isfinite(place).all()}
     shapes: list[tuple[float, str, tuple[str, ...], float]] = []
     for link in view.network.links:
-        if link.kind in DRAWN and link.a in seen and link.b in seen:
+        if LINK_KINDS[link.kind].symbol in DRAWN and link.a in seen and link.b in seen:
             stretch = _lengths(view, link.a, link.b, slice(row, row + 1))[0] - link.rest
             share = (float(stretch) - frame.slack) / ((frame.tight - frame.slack) or 1.0)
             share = min(max(share, 0.0), 1.0)

@@ -26,8 +26,9 @@ from tautwave.types import CommandDelay
 from tautwave_scenes.config.keys import Scene, SceneLink, SoundForce
 from tautwave_scenes.config.keys3d import Scene3d
 from tautwave_scenes.config.sounds import read_sound
+from tautwave_scenes.models.link_kinds import is_active
 from tautwave_scenes.networks.live import SceneModel
-from tautwave_scenes.networks.network import ACTIVE, GROUND, Link, Mass, Network, String
+from tautwave_scenes.networks.network import GROUND, Link, Mass, Network, String
 from tautwave_scenes.networks.pruning import Pruned, prune
 from tautwave_scenes.networks.schemes.choice import SceneChoice, choose_scene_scheme
 from tautwave_scenes.networks.signals import force_signal, sound_signal
@@ -335,7 +336,7 @@ def hold_account(
 
     `names` are those of the axes on the master.
     """
-    if any(link.kind in ACTIVE for link in links):
+    if any(is_active(link.kind) for link in links):
         return None  # these are not certified, and their energy has no bound
     axes = [f"master.{name}" for name in names]
     params = [control.params[at] for at in control.ports]

@@ -17,7 +17,8 @@ from tautwave.models.integrators.bounds import contact_slope, greatest_depth, st
 from tautwave.models.integrators.choice import bounce_error, refusal, smooth_error
 from tautwave.models.integrators.schemes import DISCRETE_GRADIENT, RK4, SYMPLECTIC_EULER
 from tautwave.models.plant_params import PlantParams
-from tautwave_scenes.networks.network import LINEAR, Network
+from tautwave_scenes.models.link_kinds import LINK_KINDS, is_linear
+from tautwave_scenes.networks.network import Network
 
 MAX_EXACT = 400
 """Masses above which a dense exponential is too slow for a loop (`networks.schemes.exact`)."""
@@ -51,9 +52,14 @@ def choose_scene_scheme(network: Network, period: float, speed: float) -> SceneC
     """
     if network.strings:
         return SceneChoice("discrete_gradient", "discrete_gradient: strings need it")
-    if all(link.kind in LINEAR for link in network.links) and len(network.masses) <= MAX_EXACT:
+    if all(is_linear(link.kind) for link in network.links) and len(network.masses) <= MAX_EXACT:
         return SceneChoice("exact", "exact: springs and dampers only, so no error at any rate")
-    others = [link for link in network.links if link.kind not in LINEAR and link.kind != "contact"]
+    kinds = {link.name: LINK_KINDS[link.kind] for link in network.links}
+    others = [
+        link
+        for link in network.links
+        if kinds[link.name].proof != "linear" and not kinds[link.name].one_way
+    ]
     if others:
         why = f"discrete_gradient: {others[0].name} is a {others[0].kind} link, and it keeps energy"
         return SceneChoice("discrete_gradient", why)
