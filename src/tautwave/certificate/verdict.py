@@ -19,6 +19,7 @@ from tautwave.certificate.data import Certificate, Element, Verdict, join_verdic
 from tautwave.certificate.derate import derate_walls
 from tautwave.certificate.hooks import certificate_hooks
 from tautwave.certificate.loops import pair_loop
+from tautwave.certificate.tuning.prompt import sum_elements
 from tautwave.certificate.walls import wall_element
 from tautwave.config import Rig
 from tautwave.rig import allowances, at_axis_rate, axis_allowance
@@ -80,6 +81,7 @@ def certify(
         *bus_elements(rig, delays),
         *policy_elements(rig),
     )
+    elements = (*elements, *sum_elements(rig, delays, elements))
     if not brief:
         elements = tuple(element.whole() for element in elements)
     # Of a half the other end is not known, and neither is the network.

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from tautwave.analysis.claim import Stated, stated_claim
 from tautwave.config import Rig
 from tautwave.rig import axis_claim, coupling_part, end_energy, kinetic_energy, watchdogs
-from tautwave.rig.claim_verdict import terms_of, tuned_state
+from tautwave.rig.claim_verdict import stall_refusal, terms_of, tuned_state
 from tautwave.session.facts import port_claims, stated_claims
 from tautwave.session.hooks import session_hooks
 from tautwave.types import CommandDelay
@@ -31,8 +31,8 @@ class PortClaim(NamedTuple):
 
     `claim_j` is what it may supply in the run, `kinetic_j` the energy at its velocity limit [J]:
     the claim is inf where nothing bounds it, the other None of an axis without either. `stated`
-    has the parts of a law that tells them, `judged` `passed`, `conditional` or `refused`;
-    `absent` says of each number that is missing why.
+    has the parts of a law that tells them, `judged` `passed`, `conditional` or `refused`, for the
+    reason `refusal`; `absent` says of each number that is missing why.
     """
 
     axis: str
@@ -41,6 +41,7 @@ class PortClaim(NamedTuple):
     stated: Stated | None = None
     judged: str = ""
     absent: Mapping[str, str] = {}
+    refusal: str = ""
 
     @property
     def ratio(self) -> float | None:
@@ -55,7 +56,8 @@ class PortClaim(NamedTuple):
         data |= {"claim_j": self.claim_j, "kinetic_j": self.kinetic_j, "ratio": self.ratio}
         kept = {key: None if value == math.inf else value for key, value in data.items()}
         kept["absent"] = {key: self.absent.get(key, "") for key in kept if kept[key] is None}
-        return kept | ({"judged": self.judged} if self.judged else {})
+        kept |= {"judged": self.judged} if self.judged else {}
+        return kept | ({"refusal": self.refusal} if self.refusal else {})
 
 
 def claims_of(
@@ -82,12 +84,13 @@ def _of_ports(rig: Rig, delays: Delays, watched: Mapping[str, float]) -> Iterato
         stated = stated_claims(rig, name, dict(delays), watched)
         for side, joules in port_claims(rig, name, dict(delays)).get("claim_j", {}).items():
             axis_name = f"{side}.{name}"
-            one, judged = stated.get(axis_name, (None, ""))
+            one, judged = stated.get(axis_name, (None, None))
             keys = terms_of(rig, axis_name, delays)
             absent = {}
             if isinstance(keys, str):
                 absent = dict.fromkeys(Stated._fields, f"without {keys} nothing bounds it")
-            yield _claim(rig, axis_name, joules, one, judged, absent)
+            state, refusal = ("", "") if judged is None else (judged.state, judged.refusal)
+            yield _claim(rig, axis_name, joules, one, state, absent)._replace(refusal=refusal)
 
 
 def _by_tuning(
@@ -101,11 +104,26 @@ def _by_tuning(
             claim = axis_claim(rig, axis_name, delays[axis_name])
             stated = stated_claim(claim, rig.claimed_s, watched.get(axis_name))
             stated = stated._replace(prompt_j=prompt, claim_j=math.inf)
-            judged = ""
+            judged = refusal = ""
             if prompt < math.inf:
                 judged = tuned_state(rig, axis_name, claim, prompt, once)
+            if judged == "refused":
+                refusal = stall_refusal(rig, axis_name, claim) or _refusal(
+                    name, axis_name, elements
+                )
             absent = {"prompt_j": why, "claim_j": why or OFTEN}
-            yield _claim(rig, axis_name, math.inf, stated, judged, absent)
+            whole = _claim(rig, axis_name, math.inf, stated, judged, absent)
+            yield whole._replace(refusal=refusal)
+
+
+def _refusal(pair: str, axis_name: str, elements: Sequence[Mapping[str, Any]]) -> str:
+    """Return why what an axis may supply to a prompt host is refused, as its certificate says."""
+    said = {
+        (one["kind"], one["axis"]): one["numbers"]["refused"]
+        for one in elements
+        if "refused" in one["numbers"]
+    }
+    return str(said.get(("claim", axis_name)) or said.get(("coupling", pair), ""))
 
 
 def _prompt(
@@ -118,11 +136,12 @@ def _prompt(
     once, leak, certified = 0.0, 0.0, False
     for one in elements:
         of_pair = (one["kind"], one["axis"]) == ("coupling", pair)
-        if not of_pair and one["axis"] != axis_name:
+        if one["kind"] == "claim" or (not of_pair and one["axis"] != axis_name):
             continue
-        if not one["passive"]["passed"]:
+        numbers = one["numbers"]
+        if not one["passive"]["passed"] and "refused" not in numbers:
             return math.inf, math.inf, one["passive"]["reason"]
-        numbers, certified = one["numbers"], certified or of_pair
+        certified = certified or of_pair
         if numbers.get("engage_j", 0.0) is None:
             return math.inf, math.inf, UNENGAGED
         engaging = numbers.get("engage_j", 0.0)

@@ -26,7 +26,7 @@ from tautwave.rig.arms import (
     greatest_loads,
     joint_names,
 )
-from tautwave.rig.claim_verdict import judge_claim, terms_of
+from tautwave.rig.claim_verdict import Judged, judge_claim, terms_of
 from tautwave.rig.rates import load_offset
 from tautwave.session.scales import greatest, times
 from tautwave.types import CommandDelay
@@ -65,7 +65,7 @@ def pair_facts(rig: Rig, name: str, delays: dict[str, CommandDelay]) -> PairFact
 
 def stated_claims(
     rig: Rig, name: str, delays: dict[str, CommandDelay], watched: Mapping[str, float]
-) -> dict[str, tuple[Stated, str]]:
+) -> dict[str, tuple[Stated, Judged]]:
     """Return, by axis, what is stated of the ends of a pair that have a bound, and the verdict.
 
     `watched` are the rig's `watchdogs`.
@@ -76,7 +76,7 @@ def stated_claims(
         claim = terms_of(rig, axis_name, delays)
         if isinstance(claim, Claim):
             stated = stated_claim(claim, rig.claimed_s, watched.get(axis_name))
-            claims[axis_name] = stated, judge_claim(rig, axis_name, claim).state
+            claims[axis_name] = stated, judge_claim(rig, axis_name, claim)
     return claims
 
 
@@ -107,7 +107,7 @@ def summary_claims(
             all_of = one._replace(claim_j=count * one.claim_j, prompt_j=count * one.prompt_j)
             side = axis_name.partition(".")[0]
             if side not in claims or all_of.claim_j > claims[side]["claim_j"]:
-                claims[side] = {**all_of._asdict(), "judged": judged}
+                claims[side] = {**all_of._asdict(), "judged": judged.state}
     return most | ({"claims": claims} if claims else {})
 
 

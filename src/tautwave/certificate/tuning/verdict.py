@@ -49,8 +49,6 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
     broken = [f"{name}, {why}" for name in names if (why := broken_damping(rig, name)) is not None]
     if broken:
         verdict = Verdict(False, f"{head}: {broken[0]}", margin=margin)
-    elif refused := _refused(rig, names, delays):
-        verdict = Verdict(False, f"{head}: {refused}", margin=margin)
     elif not clipped and tuned.short > 0.0:
         verdict = Verdict(False, f"{text} {remedy}", margin=margin)
     elif not clipped and tuned.hears and (beside := _beside(rig, pair)) is not None:
@@ -60,8 +58,6 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
             f"so {beside} would enter its spring; remove that or velocity_filter_s",
             margin=margin,
         )
-    elif refused := engagement_refusal(rig, pair, tuned.stiffness, delays):
-        verdict = Verdict(False, f"{head}: {refused}", margin=margin)
     else:
         numbers["holds"] = "by tuning"
         text += stall_sentence(rig, pair, delays)
@@ -79,6 +75,12 @@ def tuned_element(rig: Rig, pair: str, delays: Delays, remedy: str) -> Element:
             if said := engagement_condition(rig, pair, engaging):
                 conditions.append(said)
         verdict = Verdict(True, text, tuple(conditions), margin)
+        refused = _refused(rig, names, delays) or engagement_refusal(
+            rig, pair, tuned.stiffness, delays
+        )
+        if refused:  # it is passive all the same, and what it claims is known
+            numbers["refused"] = f"{head}: {refused}"
+            verdict = Verdict(False, f"{head}: {refused}", margin=margin)
     quantised = verdict
     if verdict.passed and any(rig.axes[name].encoder_quantum for name in names):
         quantised = Verdict(

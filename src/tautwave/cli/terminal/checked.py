@@ -276,6 +276,14 @@ _FOLDER = re.compile(r"(?<!\S)/\S*/")
 """Before a file's name: a screen has no room for it."""
 
 
+def _refused(claims: Sequence[Any]) -> Iterator[str]:
+    """Yield the claims that are refused, one sentence for each."""
+    said = {claim.refusal: claim.axis for claim in reversed(claims) if claim.refusal}
+    for refusal, axis in reversed(said.items()):
+        about = "" if axis in refusal else f"{axis}: "
+        yield f"claim refused: {about}{refusal}"
+
+
 def _open(result: Any) -> Iterator[str]:
     """Yield what devices' files foresee and conditions of the required verdict, of a kind once."""
     notes = [
@@ -286,6 +294,9 @@ def _open(result: Any) -> Iterator[str]:
     certificate = result.certificate
     required = (certificate.get("verdicts") or {}).get(certificate.get("require"))
     conditions = required["conditions"] if required and required["passed"] else []
+    if required and required["passed"]:
+        # What is required does not ask for what the axes may supply: it may run all the same.
+        conditions = [*_refused(result.claims), *conditions]
     kinds: dict[str, list[str]] = {}
     for text in [*notes, *conditions]:
         kinds.setdefault(_SPECIFIC.sub("#", text), []).append(text)
