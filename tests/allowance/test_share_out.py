@@ -22,7 +22,7 @@ DEVICES = st.builds(
 ASKED = st.builds(
     Spending, carries=st.booleans(), load_effort=AMOUNT, load_damping=AMOUNT, load_coulomb=AMOUNT,
     compensated_coulomb=AMOUNT, compensated_damping=AMOUNT, paying_coulomb=AMOUNT,
-    damper_damping=AMOUNT, lent_damping=AMOUNT, lift_effort=AMOUNT,
+    damper_damping=AMOUNT, lent_damping=AMOUNT, load_lent=AMOUNT, lift_effort=AMOUNT,
     wall_effort=AMOUNT | st.just(math.inf),
     wall_rate=AMOUNT | st.just(math.inf), wall_damping=AMOUNT | st.just(math.inf),
     wall_controlled=st.booleans(), relies=st.booleans(), wall_limit=UNBOUNDED,
@@ -50,10 +50,11 @@ def test_efforts_and_rates_add_up_to_what_the_motor_has(has: Device, asks: Spend
 def test_damping_and_friction_are_spent_once(has: Device, asks: Spending) -> None:
     """What is spent and what is left is no more than there is; nothing is left of too little."""
     one = share_out(has, asks)
-    spent = one.compensated_damping + one.damper_damping + one.load_damping + one.wall_damping
+    spent = one.compensated_damping + one.damper_damping + one.own_load_damping + one.wall_damping
     left = one.coupling_damping
     assert left == 0.0 or spent + left == pytest.approx(has.damping)
-    assert left <= one.loaded_damping <= one.free_damping <= has.damping
+    assert left <= one.loaded_damping <= one.free_damping + one.load_lent
+    assert one.free_damping <= has.damping
     assert left <= one.brake_damping <= has.damping
     assert one.sampled_damping == one.free_damping + asks.lent_damping
     spent = one.compensated_coulomb + one.paying_coulomb + one.load_coulomb

@@ -52,3 +52,70 @@ def test_the_follower_goes_where_the_leader_does_and_carries_itself() -> None:
     assert run["slave.j5.wall_effort"].max() > 0.3
     assert 0.25 < run["true.slave.j5.position"].max() < 0.35
     assert run["slave.j5.damper_least"][-1] > 0.0
+
+
+OPENARM = RIG.with_name("openarm.yaml")
+LEFT = {"tip": "left_hand", "j1": "[-3.49, 1.39]", "j2": "[-3.31, 0.17]"}
+
+
+def left_arms() -> list[str]:
+    """Return what makes the rig one of the left arms."""
+    return [
+        f"{side}.arm.tip={LEFT['tip']}"
+        if key == "tip"
+        else f"{side}.axes.{key}.position_range={to}"
+        for side in ("master", "slave")
+        for key, to in LEFT.items()
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("overrides", [[], left_arms()], ids=["right", "left"])
+def test_openarms_carry_themselves_by_what_their_motors_damp(overrides: list[str]) -> None:
+    rig = load_rig(OPENARM, overrides)
+    found = certify(rig, brief=True)
+    assert found.passed
+    loads = {one.axis: one for one in found.elements if one.kind == "load"}
+    assert len(loads) == 14
+    for name, one in loads.items():
+        assert one.passive.passed
+        assert one.numbers["damping_margin"] > 0.0
+        if name.endswith((".j1", ".j2")):  # it is not the joint's own that is enough
+            assert one.numbers["needed_damping"] > rig.axes[name].damping.lower
+    assert [one.passive.passed for one in found.elements if one.kind == "wall"] == [True]
+
+
+@pytest.mark.slow
+def test_without_dampers_or_at_the_rate_of_classic_can_openarms_are_refused() -> None:
+    rig = load_rig(OPENARM)
+    buses = {
+        name: bus.model_copy(
+            update={
+                "options": {
+                    **bus.options,
+                    "motors": [{**one, "damping": 0.0} for one in bus.options["motors"]],
+                }
+            }
+        )
+        for name, bus in rig.buses.items()
+    }
+    for other in (rig.model_copy(update={"buses": buses}), load_rig(OPENARM, ["rate_hz=400"])):
+        found = certify(other, brief=True)
+        assert not found.passed
+        refused = {one.axis for one in found.elements if not one.passive.passed}
+        assert {"master.j1", "slave.j1", "master.j2", "slave.j2"} <= refused
+
+
+@pytest.mark.slow
+@pytest.mark.nightly
+def test_an_openarm_follows_another_and_the_wall_is_felt_at_its_elbow() -> None:
+    run = run_rig(load_rig(OPENARM), duration_s=4.0)
+    engaged = run["time_s"] > 1.2
+    for joint in (*JOINTS, "j7"):
+        found = books(run, joint)
+        assert found.residual < 1e-9 * max(found.gross_flow, 1e-3)
+        error = run[f"{joint}.position_error"][engaged]
+        if joint != "j4":  # which is held by its wall
+            assert np.sqrt(np.mean(error**2)) < 3e-3
+        assert np.abs(run[f"slave.{joint}.port_effort"]).max() > 0.01  # all are coupled
+    assert run["slave.j4.wall_effort"].max() > 1.0

@@ -77,6 +77,8 @@ class Spending(NamedTuple):
         What a damper in the motor needs of the device's damping, for its own loop.
     lent_damping : float
         What it gives to a wall beyond the damping that is left by that.
+    load_lent : float
+        What of it carries a load, beside what that takes of the device's own damping.
     paying_coulomb : float
         Friction that pays for the inertia which the motor takes off [N m or N].
     lift_effort : float
@@ -101,6 +103,7 @@ class Spending(NamedTuple):
     compensated_damping: float = 0.0
     damper_damping: float = 0.0
     lent_damping: float = 0.0
+    load_lent: float = 0.0
     paying_coulomb: float = 0.0
     lift_effort: float = 0.0
     wall_effort: float = 0.0
@@ -120,7 +123,7 @@ class AxisAllowance(NamedTuple):
     controller applies last. `lift_effort` at most takes inertia off, where there is room.
     `compensated_`, `damper_`, `load_`, `wall_damping` and `_coulomb` are spent; `paying_coulomb`
     pays for the inertia that is taken off; `sampled_damping` is what any sampled law finds at
-    least: `free_damping`, and what a damper in the motor lends.
+    least: `free_damping`, and what a damper in the motor lends; `load_lent` of that carries loads.
     """
 
     period: float
@@ -144,6 +147,7 @@ class AxisAllowance(NamedTuple):
     compensated_damping: float
     damper_damping: float
     sampled_damping: float
+    load_lent: float
     load_damping: float
     wall_damping: float
     coulomb: float
@@ -177,17 +181,22 @@ class AxisAllowance(NamedTuple):
     @property
     def loaded_damping(self) -> float:
         """[N m s/rad or N s/m] What wall and compensation leave for carrying the load."""
-        return max(self.free_damping - self.wall_damping, 0.0)
+        return max(self.free_damping - self.wall_damping, 0.0) + self.load_lent
+
+    @property
+    def own_load_damping(self) -> float:
+        """[N m s/rad or N s/m] What of `load_damping` is the device's own, not its motor's."""
+        return max(self.load_damping - self.load_lent, 0.0)
 
     @property
     def coupling_damping(self) -> float:
         """[N m s/rad or N s/m] What compensation, load and wall leave of the device's damping."""
-        return max(self.loaded_damping - self.load_damping, 0.0)
+        return max(self.free_damping - self.wall_damping - self.own_load_damping, 0.0)
 
     @property
     def brake_damping(self) -> float:
         """[N m s/rad or N s/m] For a brake or a stop, beside which no wall or compensation acts."""
-        return max(self.damping - self.load_damping - self.damper_damping, 0.0)
+        return max(self.damping - self.own_load_damping - self.damper_damping, 0.0)
 
     @property
     def loaded_coulomb(self) -> float:
@@ -264,6 +273,7 @@ def share_out(has: Device, asks: Spending) -> AxisAllowance:
         compensated_damping=asks.compensated_damping,
         damper_damping=asks.damper_damping,
         sampled_damping=free + asks.lent_damping,
+        load_lent=asks.load_lent,
         load_damping=asks.load_damping,
         wall_damping=0.0 if spared else asks.wall_damping,
         coulomb=has.coulomb,

@@ -117,6 +117,6 @@ def _elements(
             if load is not None:
                 yield load
             has = axis_allowance(rig, axis_name, delays[axis_name])
-            taken = has.wall_damping + has.load_damping
+            taken = has.wall_damping + has.own_load_damping
             yield from verdict.axis_elements(rig, axis_name, delays, taken)
         yield from verdict.pair_elements(rig, pair, delays)

@@ -8,7 +8,7 @@ import random
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
-from tautwave.config import Rig, TrueLoad
+from tautwave.config import Rig, TrueLoad, axis_damper, local_wall
 from tautwave.config.inputs.chains import chain_constants, chain_links
 from tautwave.config.keys.arm import Arm, Chain, Payload
 from tautwave.errors import ConfigError
@@ -17,12 +17,17 @@ from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.load import LoadParams, load_effort, load_stiffness
 from tautwave.rig.allowance.once import once_per_rig
+from tautwave.types import Damper
 
 MAX_SHARE = 0.8
 """Of an axis' effort limit that its load may take."""
 
 MARGIN = 1.1
 """What is kept for a load, per greatest one of the sampled postures: it is clipped there."""
+
+SPARING = 3.0
+"""Periods times the slope of a load in any of an arm's joints, beyond whose damping its bounds are
+put where there is more: what carrying it takes with commands a period late."""
 
 SAMPLES = 2000
 CORNERS = 512
@@ -294,6 +299,10 @@ def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
         stiffnesses = _arm_stiffnesses(
             arm, dict(zip(names, joint_ranges(rig, side, arm), strict=True))
         )
+        has = tuple(carrying_damping(rig, name) for name in names)
+        asked = SPARING * rig.period_s
+        if any(asked * h > one for h, one in zip(stiffnesses.values(), has, strict=True)):
+            stiffnesses = _spared_stiffnesses(arm, stiffnesses, has)
     if side == "master" and felt_axes(rig):
         theirs = load_stiffnesses(rig, "slave")
         if rig.slave.arm is not None:
@@ -315,6 +324,42 @@ def _arm_stiffnesses(arm: Arm, ranges: Mapping[str, tuple[float, float]]) -> dic
         gravity_stiffness(arm_chain(one), slides, slopes)
         bounds = [max(a, b) for a, b in zip(bounds, slopes, strict=True)]
     return dict(zip(ranges, bounds, strict=True))
+
+
+def _spared_stiffnesses(
+    arm: Arm, stretched: dict[str, float], has: tuple[float, ...]
+) -> dict[str, float]:
+    """Return bounds that are put where an arm has damping; the stretched ones, where it has none."""
+    # Loaded only where there is too little: most arms need no more than the closed form.
+    from tautwave.analysis.carrying import weighed_slopes
+
+    chains = [arm_chain(one) for one in each_payload(arm)]
+    if min(has) <= 0.0 or not all(joint.turns for one in chains for joint in one.joints):
+        return stretched
+    each = [weighed_slopes(one, has) for one in chains]
+    return dict(zip(stretched, (max(values) for values in zip(*each, strict=True)), strict=True))
+
+
+def carries_loads(rig: Rig, axis_name: str, damper: Damper) -> bool:
+    """Return whether a damper in a motor is there for loads: always, and no local wall has it."""
+    return not damper.commanded and local_wall(rig, axis_name) is None
+
+
+@once_per_rig
+def carrying_damping(rig: Rig, axis_name: str) -> float:
+    """Return the damping that an axis has for carrying its load, its own and its motor's.
+
+    A damper in the motor lends what any sampled law finds of it.
+    """
+    axis = rig.axes[axis_name]
+    viscous = 0.0 if axis.compensation is None else axis.compensation.viscous
+    alone = (1.0 - viscous) * axis.damping.lower
+    damper = axis_damper(rig, axis_name)
+    if damper is None or not carries_loads(rig, axis_name, damper):
+        return alone
+    from tautwave.analysis.walls.in_motor import least_damping
+
+    return max(least_damping(damper, alone, rig.axis_period_s(axis_name)), 0.0)
 
 
 def greatest_load(p: LoadParams, ends: tuple[float, float] | None) -> float:

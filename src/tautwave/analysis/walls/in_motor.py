@@ -67,6 +67,23 @@ def least_damping(damper: Damper, device: float, period: float) -> float:
     return float(effective.min()) * (1.0 - MARGIN)
 
 
+@functools.lru_cache(maxsize=256)
+def least_device(damper: Damper, device: float, period: float, wanted: float) -> float:
+    """Return the least damping of a device, up to `device`, which the damper makes `wanted`.
+
+    For any law of a `period` [s]; `device` where that is too little. The rest is the device's own
+    for what else needs it, whatever the damper does.
+    """
+    low, high = damper_needs(damper), device
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if least_damping(damper, middle, period) < wanted:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
 def damping_for(damper: Damper, device: float, wall: SampledWall) -> float:
     """Return the damping that does for a wall what device and damper do, at most.
 

@@ -9,7 +9,7 @@ from tautwave.allowance import LOAD_SHARE, AxisAllowance, Device, Spending, shar
 from tautwave.config import Axis, Rig, Wall, axis_damper, local_wall
 from tautwave.errors import ConfigError
 from tautwave.rig.allowance.once import once_per_rig
-from tautwave.rig.arms import load_reserves, load_stiffnesses
+from tautwave.rig.arms import carries_loads, load_reserves, load_stiffnesses
 from tautwave.rig.parts import coupling_part
 from tautwave.types import CommandDelay, Damper
 
@@ -111,13 +111,18 @@ def _spending(rig: Rig, axis_name: str, delay: CommandDelay) -> Spending:
 
 
 def _with_damper(rig: Rig, axis_name: str, asks: Spending, damper: Damper) -> Spending:
-    from tautwave.analysis.walls.in_motor import damper_needs, least_damping
+    from tautwave.analysis.walls.in_motor import damper_needs, least_damping, least_device
 
     alone = rig.axes[axis_name].damping.lower - asks.compensated_damping
     needed = damper_needs(damper)
-    least = least_damping(damper, alone, rig.axis_period_s(axis_name))
+    period = rig.axis_period_s(axis_name)
+    least = least_damping(damper, alone, period)
     lent = max(least - max(alone - needed, 0.0), 0.0)
-    return asks._replace(damper_damping=needed, lent_damping=lent)
+    loads = 0.0
+    if asks.carries and carries_loads(rig, axis_name, damper):
+        spent = least_device(damper, alone, period, asks.load_damping) - needed
+        loads = asks.load_damping - spent if spent < alone - needed else lent
+    return asks._replace(damper_damping=needed, lent_damping=lent, load_lent=loads)
 
 
 def _with_wall(
