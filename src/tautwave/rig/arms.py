@@ -329,7 +329,7 @@ def _arm_stiffnesses(arm: Arm, ranges: Mapping[str, tuple[float, float]]) -> dic
 def _spared_stiffnesses(
     arm: Arm, stretched: dict[str, float], has: tuple[float, ...]
 ) -> dict[str, float]:
-    """Return bounds that are put where an arm has damping; the stretched ones, where it has none."""
+    """Return bounds that are put where an arm has damping; the stretched ones where not."""
     # Loaded only where there is too little: most arms need no more than the closed form.
     from tautwave.analysis.carrying import weighed_slopes
 
