@@ -67,6 +67,8 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> El
         f"The load of {axis_name}{what} is compensated at the middle of each period; its slope is "
         f"at most {slope:.3g} {stiff}, which uses {needed:.3g} {unit} of the device's damping."
     )
+    if has.load_lent > 0.0:
+        sentence += f" The damper in its motor pays {has.load_lent:.3g} of that."
     if axis_name == next(iter(felt_axes(rig)), None) and (swing := felt_swing(rig)) > 0.0:
         numbers["engage_j"] = swing
         sentence += (
