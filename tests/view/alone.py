@@ -243,6 +243,29 @@ def rescale(browser: Browser, out: Path) -> bool:
     return acts
 
 
+def pointed(browser: Browser, out: Path) -> dict[str, bool]:
+    """Drag the lever by the mouse, then let go; return whether the hand followed, and let go."""
+    run, url = start(out, ("loop.overrun_limit=5000", "loop.missing_limit=5000"), "--pointer",
+                     "--allow-uncertified")  # fmt: skip
+    browser.open(url)
+    browser.wait("window.tautwave?.store?.end > 10", 120.0)
+    x, y, scale = browser.run(
+        "(()=>{const s=document.querySelector('#figures svg.led'); const m=s.getScreenCTM();"
+        "return [m.e, m.f, m.a]})()"
+    )
+    mouse: dict[str, Any] = {"button": "left", "buttons": 1, "clickCount": 1}
+    place = {"x": x + 60.0 * scale, "y": y - 90.0 * scale}  # 0.46 rad on the dial
+    browser.call("Input.dispatchMouseEvent", type="mousePressed", **place, **mouse)
+    at = "tautwave.store.newest('true.master.lever.reference')"
+    follows = browser.wait(f"Math.abs({at} - 0.38) < 0.02")  # where the pointer's range ends
+    browser.call("Input.dispatchMouseEvent", type="mouseReleased", **place, **mouse)
+    position = "tautwave.store.newest('true.master.lever.position')"
+    lets_go = browser.wait(f"{at} === {position}")
+    run.kill()
+    run.wait(30)
+    return {"pointer leads": follows, "pointer lets go": lets_go}
+
+
 def main(directory: Path, looked_at: bool) -> None:
     """Do all of it, and print it as JSON; take pictures for a person to look at."""
     raise_loopback()
@@ -282,6 +305,7 @@ def main(directory: Path, looked_at: bool) -> None:
         found["requests"] = sorted(set(browser.requests))
         found["problems"] = list(browser.problems)
         found["buttons"]["scale"] = rescale(browser, directory / "scaled")
+        found["buttons"] |= pointed(browser, directory / "pointed")
     while (out / "live.json").exists():
         time.sleep(0.05)
     run.terminate()  # its report is not needed here

@@ -28,6 +28,9 @@ from tautwave.errors import ConfigError
 from tautwave.files import make_directory, writing
 from tautwave.runtime.interrupts import interrupts
 
+POINTER_S = 60.0
+"""Duration of a run with --pointer, where none is given [s]."""
+
 
 @click.command(short_help="Run a rig: check, move, record, report.", epilog=EXIT_CODES)
 @rig_argument
@@ -84,6 +87,11 @@ from tautwave.runtime.interrupts import interrupts
     "--view", is_flag=True, help="Serve the live page during the run, and print its address."
 )
 @click.option(
+    "--pointer",
+    is_flag=True,
+    help="Move simulated masters by the mouse or a finger on the live page, which is served.",
+)
+@click.option(
     "--play",
     is_flag=True,
     help="Play the sound of a scene after the run, if there is an audio device.",
@@ -110,6 +118,7 @@ def run(
     verbose: bool,
     view: bool,
     allow_tuning: bool,
+    pointer: bool,
     play: bool,
 ) -> None:
     """Run RIG: check it, move, record, report.
@@ -135,6 +144,7 @@ def run(
         tautwave run rig.yaml --task "pick the red block"
         tautwave run rig.yaml --set coupling.delay_s=0.1 --set rate_hz=500
         tautwave run configs/scene-granular.yaml --play
+        tautwave run configs/scene-resonator.yaml --pointer
         tautwave run rig.yaml --site slave
     """
     from tautwave.cli.terminal.keys import command_sources, keys_of
@@ -156,12 +166,17 @@ def run(
         raise ConfigError("--play: this rig has no scene, so there is no sound to play")
     from tautwave import session
 
+    if pointer:
+        from tautwave.rig.led import led_by_pointer
+
+        loaded, view = led_by_pointer(loaded), True
+        duration = POINTER_S if duration is None else duration
     ways = session.describe_ways(loaded, clock=clock, simulate=simulate, attach=attach)
     with suppress_output_errors(sys.stdout):
         for sentence in ways:
             click.echo(sentence)
     # A script finds all files when the command ends; a person is shown the verdict at once.
-    draw_later = sys.stdout.isatty() and not play
+    draw_later = sys.stdout.isatty() and not play and not (pointer and loaded.scene is not None)
     scripts, live = command_sources(commands, end_with_input=end_with_input)
     directory = fresh_directory(out, loaded.name)
     try:

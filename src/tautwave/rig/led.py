@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
-from tautwave.config import Axis, Hand, Policy, Rig
+from tautwave.config import Axis, Hand, Pointer, Policy, Rig
 from tautwave.config.keys.devices import Bus
 from tautwave.config.keys.operate import Operate
 from tautwave.config.keys.simulation import Simulation
@@ -15,6 +16,14 @@ SPEED_SHARE = 0.25
 """Speed of a hand whose rig gives none, as a share of its axis' velocity limit."""
 LEVER_ARM = 0.075
 """[m] Of a light grip on a rotary axis, as where nothing is stated."""
+POINTER_SHARE = 0.15
+"""The same of a hand that a pointer leads; a mouse jumps."""
+INSIDE = 0.8
+"""Share of an axis' range inside which a pointer leads it, so that it does not run out of it."""
+STALL_S = 0.5
+"""Stall of the host that a scene which is played for fun goes on after [s]."""
+GRIP_N = 20.0
+"""[N] Of a hand on a master that takes velocity."""
 SENSED = {
     "encoder_quantum": 0.0,
     "encoder_nonlinearity": 0.0,
@@ -73,6 +82,60 @@ def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
             "calibration": _slaves_only(rig),
         }
     )
+
+
+def led_by_pointer(rig: Rig) -> Rig:
+    """Return the rig with hands that follow the pointer of its page, at every simulated master.
+
+    Each keeps its grip, or has a light one, and the reach of the motion that it would have made. A
+    scene goes on after longer stalls of the host.
+
+    Raises
+    ------
+    ConfigError
+        The rig simulates nothing.
+    """
+    if rig.simulation is None:
+        raise ConfigError(
+            f"{rig.name}: nothing is simulated, and a pointer moves no hardware; add a "
+            "`simulation` block, or leave --pointer out"
+        )
+    hands = dict(rig.simulation.hand)
+    for name, axis in rig.master.axes.items():
+        given = hands.get(name)
+        lever = LEVER_ARM if axis.kind == "rotary" else None
+        reference = getattr(given, "reference", None)
+        if isinstance(reference, Pointer):
+            continue
+        lead = Pointer(
+            type="pointer",
+            range=_reach(axis, reference),
+            velocity_limit=POINTER_SHARE * (axis.velocity_limit or 1.0 / POINTER_SHARE),
+            effort_limit=axis.effort_limit or GRIP_N * (lever or 1.0),
+        )
+        if isinstance(given, Hand):
+            hands[name] = given.model_copy(update={"reference": lead})
+        else:
+            hands[name] = Hand(lever_arm=lever, reference=lead)
+    simulation = rig.simulation.model_copy(update={"hand": hands})
+    loop = rig.loop
+    if rig.scene is not None:  # at an audio rate on any machine; a stall moves nothing real
+        slots = max(loop.overrun_limit or 0, round(STALL_S * rig.rate_hz))
+        loop = loop.model_copy(update={"overrun_limit": slots})
+    return rig.model_copy(update={"simulation": simulation, "loop": loop})
+
+
+def _reach(axis: Axis, reference: object) -> tuple[float, float] | None:
+    """Return half as far again as a motion goes, well inside the axis' range; None: unknown."""
+    low, high = axis.position_range or (-math.inf, math.inf)
+    if math.isfinite(high - low):
+        inside = 0.5 * (1.0 - INSIDE) * (high - low)
+        low, high = low + inside, high - inside
+    places = [place for _, place in getattr(reference, "waypoints", ())]
+    if places and min(places) < max(places):
+        spare = 0.25 * (max(places) - min(places))
+        low, high = max(low, min(places) - spare), min(high, max(places) + spare)
+    return (low, high) if math.isfinite(high - low) else None
 
 
 def _hand(axis: Axis, given: object, fps: float) -> Hand:

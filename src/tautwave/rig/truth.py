@@ -19,6 +19,7 @@ from tautwave.config import (
     Hand,
     HandPart,
     Intent,
+    Pointer,
     Policy,
     Recorded,
     Rig,
@@ -45,6 +46,9 @@ from tautwave.types import CommandDelay, Imposed
 
 if TYPE_CHECKING:
     from tautwave.runtime.operate.lead import Lead
+
+POINTER_S = 1.0 / 60.0
+"""Time in which a hand goes to where a page's pointer was last [s]."""
 
 LIGHTEST = 1e-30
 """Inertia below which powers of rates and periods leave the range of floats, SI."""
@@ -99,12 +103,10 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         mass = hand.mass * lever * lever
         grip_stiffness = hand.stiffness * lever * lever
         grip_damping = hand.damping * lever * lever
-        policy = getattr(hand, "reference", None)
-        if isinstance(policy, Policy):
+        leader = getattr(hand, "reference", None)
+        if isinstance(leader, Policy | Pointer):
             reference = (truth.start_position,)
-            from tautwave.runtime.operate.lead import Lead  # few rigs have one
-
-            lead = Lead(_lead_params(axis, policy, grip_stiffness), truth.start_position, period)
+            lead = _lead(axis, leader, grip_stiffness, truth.start_position, period)
         else:
             reference = wanted_positions(rig, axis_name, hand, cycles)
     push: Sequence[float] = ()
@@ -207,10 +209,21 @@ def _refuse_spare_truth(rig: Rig, axis_name: str) -> None:
         raise ConfigError("simulation.integrator: a simulated arm has its own; remove it")
 
 
-def _lead_params(axis: Axis, keys: Policy, stiffness: float) -> LeadParams:
+def _lead(
+    axis: Axis, keys: Policy | Pointer, stiffness: float, start: float, period: float
+) -> Lead:
+    """Return what a hand wants that a policy or a pointer leads."""
+    from tautwave.runtime.operate.lead import Lead, Pointed  # few rigs have one
+
     low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
     reach = keys.effort_limit / stiffness
-    return LeadParams(1.0 / keys.fps, keys.velocity_limit, reach, low, high)
+    if isinstance(keys, Policy):
+        params = LeadParams(1.0 / keys.fps, keys.velocity_limit, reach, low, high)
+        return Lead(params, start, period)
+    if keys.range is not None:
+        low, high = max(low, keys.range[0]), min(high, keys.range[1])
+    params = LeadParams(POINTER_S, keys.velocity_limit, reach, low, high)
+    return Pointed(params, start, period, keys.timeout_s)
 
 
 def sensor_params(rig: Rig, axis_name: str, mass: float) -> SensorParams | None:

@@ -140,7 +140,7 @@ def _leads(assembly: Assembly) -> Leads | None:
     leads = {
         axis.name.partition(".")[2]: axis.lead
         for axis in axes
-        if isinstance(getattr(axis, "lead", None), Lead)
+        if type(getattr(axis, "lead", None)) is Lead
     }
     return Leads(leads) if leads else None
 

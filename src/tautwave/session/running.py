@@ -54,6 +54,7 @@ from tautwave.session.scales import scales_of
 from tautwave.session.sites.agreed import with_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
+from tautwave.session.viewing.pointing import pointers_of, refuse_pointers
 from tautwave.session.viewing.tuning import tuning_facts, tuning_of, with_tuning
 from tautwave.summary import Summary, checked
 from tautwave.summary.ending import last_line
@@ -161,6 +162,7 @@ def run(
         rig = rig.model_copy(update={"duration_s": duration_s})
     ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
     refuse_endless(rig, list(ways.values()))
+    refuse_pointers(rig, ways, clock)
     problems = over_budget(rig, bus_budgets(rig))
     if problems:
         raise BusBudgetError("\n".join(problems))
@@ -211,8 +213,10 @@ def run(
         with (
             tuning_of(rig, assembly, allow_tuning) as tuning,
             cameras_of(rig, clock, directory) as cameras,
+            pointers_of(assembly) as pointed,
         ):
             assembly = with_tuning(assembly, tuning)
+            facts["pointer"] = pointed
             facts["tuning"] = tuning_facts(rig, tuning, sorted(real_buses(ways)))
             real = [] if accepting else real_buses(ways)
             moved = _move(rig, clock, directory, text, assembly, progress, warn, keep, facts, real)

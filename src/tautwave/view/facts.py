@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.config import Rig, local_wall
+from tautwave.config import Rig, SolidWall, local_wall
 from tautwave.runtime.operate.commands import EPISODE
 from tautwave.runtime.operate.journal import Journal
 from tautwave.runtime.operate.states import (
@@ -42,6 +42,8 @@ def facts_of(live: Live, rig: Rig) -> dict[str, Any]:
         "refusals": _refusals(),
         "after_fault": AFTER_FAULT,
         "dead_men": dead_men_of(rig),
+        "pointer": (facts.get("pointer") or {}).get("ranges"),
+        "axes": [] if rig.scene is None else [_scene_axis(rig, name) for name in rig.master.axes],
         "tunables": _tunables(facts.get("tuning")),
     }
 
@@ -94,6 +96,25 @@ def _pair(live: Live, rig: Rig, name: str) -> dict[str, Any]:
     }
 
 
+def _met(rig: Rig, axis_name: str) -> float | None:
+    """Return the place of the simulated wall that a slave meets, None without one."""
+    side, _, name = axis_name.partition(".")
+    environment = {} if rig.simulation is None or side != "slave" else rig.simulation.environment
+    found = environment.get(name)
+    return found.position if isinstance(found, SolidWall) else None
+
+
+def _scene_axis(rig: Rig, name: str) -> dict[str, Any]:
+    """Return an axis of a scene as a pair that has one end."""
+    rotary = rig.master.axes[name].kind == "rotary"
+    return {
+        "name": name,
+        "unit": "rad" if rotary else "m",
+        "effort": "N m" if rotary else "N",
+        "sides": {"master": _side(rig, f"master.{name}")},
+    }
+
+
 def _side(rig: Rig, axis_name: str) -> dict[str, Any]:
     axis = rig.axes[axis_name]
     wall = local_wall(rig, axis_name)
@@ -104,6 +125,7 @@ def _side(rig: Rig, axis_name: str) -> dict[str, Any]:
         "effort_limit": axis.effort_limit,
         "range": axis.position_range,
         "wall": None if wall is None else wall.position,
+        "met": _met(rig, axis_name),
     }
 
 

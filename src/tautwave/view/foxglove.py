@@ -106,7 +106,7 @@ class FoxgloveViewer(Viewer):
 
     def tell(self, op: str, **fields: Any) -> None:
         """Send an object; what is meant for pages becomes a status, or nothing."""
-        if op in ("so_far", "drawn", "ended"):
+        if op in ("so_far", "drawn", "ended", "sound"):
             return
         super().tell(op, **fields)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import json
+import math
 import os
 import socket
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -21,6 +23,7 @@ from websockets.typing import Subprotocol
 from tautwave.config import Rig, load_rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.reading import read_file
 from tautwave.view.drawn import Drawn
 from tautwave.view.facts import commands_of
 from tautwave.view.foxglove import SUBPROTOCOLS, FoxgloveViewer
@@ -28,7 +31,7 @@ from tautwave.view.foxglove_layout import layout_of
 from tautwave.view.guard import FOXGLOVE_SOCKET, HEADERS, PAGE_SOCKET, Door, refused
 from tautwave.view.so_far import SoFar, silence_of
 from tautwave.view.tuner import asked_of, tune
-from tautwave.view.viewers import Viewer
+from tautwave.view.viewers import MAX_WAITING, Viewer
 from tautwave.view.watched import STOP, Watched
 
 LOOK_S = 1.0 / 30.0
@@ -49,13 +52,18 @@ AT_A_TURN = 8
 MAX_STANDING = 64
 """Sockets without a place: of more, the oldest is closed."""
 MAX_BEHIND = 4 << 20
-"""[bytes] Of answers that a viewer has not taken; one that asks for more is closed."""
+"""[bytes] Of answers that a viewer has not taken, beside its rows; one that asks for more is
+closed."""
 NO_PLACE = (
     f"{MAX_VIEWERS} pages are open already: this page gets no data until one is closed; "
     "stop works, and so does the address with the token"
 )
 LARGEST = 1 << 16
 """[bytes] Of a message from a viewer."""
+
+SOUND, SOUND_WAIT_S, AGAIN_S = "output.wav", 120.0, 2.0
+MAX_SOUND = 64 << 20
+"""[bytes] Of a sound: twelve minutes of it."""
 
 LAYOUT = "/foxglove-layout.json"
 TYPES = {
@@ -178,6 +186,28 @@ class Server:
             await self._watch()
             for viewer in self.viewers:
                 viewer.tell("ended", directory=str(self.directory))
+            await self._give_sound()
+
+    async def _give_sound(self) -> None:
+        """Send pages the sound of a scene that they played, once its report has made it."""
+        if self.run is None or self.rig is None or self.rig.scene is None:
+            return
+        if self.run.facts.get("pointer") is None:
+            return
+        path = self.directory / SOUND
+        for _ in range(round(SOUND_WAIT_S / WAIT_S)):
+            if path.exists() or self._starter not in (None, os.getppid()):
+                break
+            await asyncio.sleep(WAIT_S)
+        if path.exists():
+            wav = base64.b64encode(read_file(path, MAX_SOUND)).decode()
+            for _ in range(round(AGAIN_S / WAIT_S)):  # a page may be coming again
+                if self.viewers:
+                    break
+                await asyncio.sleep(WAIT_S)
+            for viewer in self.viewers:
+                viewer.tell("ended", directory=str(self.directory))
+                viewer.tell("sound", wav=wav)
 
     def _open(self) -> None:
         run = Watched.of_run(self.directory)
@@ -317,7 +347,7 @@ class Server:
         return True
 
     async def _hear(self, viewer: Viewer, message: str | bytes) -> None:
-        if viewer.socket.transport.get_write_buffer_size() > MAX_BEHIND:
+        if viewer.socket.transport.get_write_buffer_size() > MAX_WAITING + MAX_BEHIND:
             await viewer.socket.close(1008, "answers are not read")
             return
         await viewer.hear(message)
@@ -341,6 +371,24 @@ class Server:
         if self.run is None:
             raise RecordingError("the run has not begun")
         self.run.command(source, line)
+
+    def point(self, may: bool, places: object) -> None:
+        """Lead the hands of a run that follow a pointer; None: let them go.
+
+        Raises
+        ------
+        ConfigError, RecordingError
+            It needs the token, is none, or the run has no such hands.
+        """
+        if not may:
+            raise ConfigError(NEEDS_TOKEN)
+        if self.run is None:
+            raise RecordingError("the run has not begun")
+        if places is not None and not (
+            isinstance(places, dict) and places and all(map(_is_place, places.values()))
+        ):
+            raise ConfigError("a pointer is places by name [rad or m]")
+        self.run.point(places)
 
     async def change(self, may: bool, values: object) -> str:
         """Certify a change and hand it over, one at a time; return a sentence.
@@ -366,6 +414,10 @@ class Server:
 NEEDS_TOKEN = (
     "without the token only viewing and stop are allowed: open the address that `view` printed"
 )
+
+
+def _is_place(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _response(status: HTTPStatus, page: Page) -> Response:

@@ -41,6 +41,9 @@ class Hub(Protocol):
     def command(self, may: bool, source: str, line: str) -> None:
         """Give the run a command; raises a TautwaveError where that is refused."""
 
+    def point(self, may: bool, places: object) -> None:
+        """Lead hands to places, or let them go; raises a TautwaveError where that is refused."""
+
     async def change(self, may: bool, values: object) -> str:
         """Certify a change and hand it over; raises a TautwaveError where that is refused."""
 
@@ -116,6 +119,8 @@ class Viewer:
                     self.tell("may", may=self.may)
                 case "command":
                     self.hub.command(self.may, "page", str(fields.get("line", "")))
+                case "pointer":
+                    self.hub.point(self.may, fields.get("places"))
                 case "tune":
                     self.tell("note", kind="", text="certifying ...")
                     text = await self.hub.change(self.may, fields.get("values"))

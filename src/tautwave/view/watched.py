@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,6 +12,7 @@ from tautwave.clock import MonotonicClock
 from tautwave.config.guard import parse_json
 from tautwave.errors import RecordingError
 from tautwave.reading import read_file
+from tautwave.runtime.operate.commands import LEAD
 from tautwave.runtime.operate.mailbox import send
 from tautwave.runtime.tap import LIVE, Live, Tap
 
@@ -97,6 +99,23 @@ class Watched:
                 "this rig accepts no commands except stop: it has no `operate` "
                 "block, or uses the fake clock"
             )
+
+    def point(self, places: Mapping[str, float] | None) -> None:
+        """Lead hands to places [rad or m]; None: let them go.
+
+        Raises
+        ------
+        RecordingError
+            The run has ended, or has no such hands.
+        """
+        pointer = self.facts.get("pointer")
+        if pointer is None:
+            raise RecordingError("no hand of this run follows a pointer; see `run --pointer`")
+        unknown = sorted(set(places or ()) - set(pointer["ranges"]))
+        if unknown:
+            raise RecordingError(f"{unknown[0]}: no hand of it follows a pointer")
+        words = [LEAD, *(f"{name}={place!r}" for name, place in (places or {}).items())]
+        send(pointer["mailbox"], "page", " ".join(words) if places else "release")
 
     def _interrupt(self) -> None:
         """Ramp down as Ctrl-C does, once: a second time would leave at once."""

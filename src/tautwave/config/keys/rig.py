@@ -20,7 +20,13 @@ from tautwave.config.keys.devices import Axis, Bus, Camera, EffortSensor, Side
 from tautwave.config.keys.link import Link
 from tautwave.config.keys.load import TrueLoad
 from tautwave.config.keys.operate import Operate
-from tautwave.config.keys.simulation import AxisSimulation, EnvironmentPart, Policy, Simulation
+from tautwave.config.keys.simulation import (
+    AxisSimulation,
+    EnvironmentPart,
+    Pointer,
+    Policy,
+    Simulation,
+)
 from tautwave.config.keys.sites import SideName, Sites
 from tautwave.contracts import AxisSpec, BusSpec, DriverPlugin
 from tautwave.registry import load_driver
@@ -366,7 +372,7 @@ def has_plain_devices(rig: Rig) -> bool:
         return True
     hands = (getattr(hand, "reference", None) for hand in rig.simulation.hand.values())
     outside = (*rig.simulation.environment.values(), *hands)
-    parts = any(isinstance(keys, EnvironmentPart | Policy) for keys in outside)
+    parts = any(isinstance(keys, EnvironmentPart | Policy | Pointer) for keys in outside)
     return parts or has_loads(rig) or any(axis.follower for axis in rig.axes.values())
 
 

@@ -175,8 +175,24 @@ class Policy(Block):
     effort_limit: Positive = Field(description="[N m | N] Maximum effort of its spring.")
 
 
+class Pointer(Block):
+    """The mouse or finger on a run's page leads the hand; without it the hand lets go."""
+
+    type: Literal["pointer"] = Field(description="Kind of reference.")
+    range: tuple[float, float] | None = Field(
+        default=None,
+        description="[rad | m] Where the page's picture ends; default: the axis' position_range.",
+    )
+    velocity_limit: Positive = Field(description="[rad/s | m/s] Maximum speed of the hand.")
+    effort_limit: Positive = Field(description="[N m | N] Maximum effort of its spring.")
+    timeout_s: Positive = Field(
+        default=0.3, description="[s] Without the pointer for so long the hand lets go."
+    )
+
+
 Reference = Annotated[
-    MinimumJerk | Multisine | Hold | Recording | Intent | Policy, Field(discriminator="type")
+    MinimumJerk | Multisine | Hold | Recording | Intent | Policy | Pointer,
+    Field(discriminator="type"),
 ]
 
 

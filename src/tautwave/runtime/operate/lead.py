@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from tautwave.laws.lead import LeadParams, lead_step
 from tautwave.runtime.operate.commands import LEAD, Order, Source
+
+LOOK_S = 0.004
+"""From one look for a pointer's actions to the next; screens show 60 to 120 pictures a second."""
 
 MISSED_FRAMES = 3
 """Frames without an action, after which the rig holds."""
@@ -51,6 +54,51 @@ class Lead:
         if self._age is not None:
             self._age += self._period
         return before, (self._reference - before) / self._period
+
+
+class Pointed(Lead):
+    """What a hand wants that the pointer of a page leads; without word of it the hand lets go.
+
+    It is passive: a spring of bounded force to the pointer's place, and the grip's mass and damper.
+
+    Parameters
+    ----------
+    params, start, period
+        As of `Lead`.
+    timeout : float
+        Time without word of the pointer after which it lets go [s].
+    """
+
+    def __init__(self, params: LeadParams, start: float, period: float, timeout: float) -> None:
+        super().__init__(params, start, period)
+        self.look: Callable[[], object] = int  # nobody is there
+        self._timeout = timeout
+        self._looks = max(1, round(LOOK_S / period))
+        self._slot = 0
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Where the pointer may lead it [rad or m]."""
+        return self._params.low, self._params.high
+
+    @property
+    def stale(self) -> bool:
+        """Whether there is no pointer, or no word of it any more."""
+        return self._age is None or self._age > self._timeout
+
+    def let_go(self) -> None:
+        """Wait for the next action."""
+        self._age = None
+
+    def aim(self, place: float) -> tuple[float, float]:
+        """Return the reference at this slot and its rate; where the device is without a pointer."""
+        if self._slot % self._looks == 0:
+            self.look()
+        self._slot += 1
+        if not self.stale:
+            return super().aim(place)
+        self._reference = self._goal = place
+        return place, 0.0
 
 
 class Leads:

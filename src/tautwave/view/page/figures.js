@@ -91,7 +91,7 @@ class ArmsView {
 
 // One pair: both levers on a dial, or both carriages on a rail, their walls, the effort of the coupling.
 class AxisView {
-  constructor(svg, store, pair) {
+  constructor(svg, store, pair, range) {
     Object.assign(this, { svg, store, pair });
     this.rotary = pair.unit === "rad";
     this.largest = LEAST_FORCE;
@@ -100,8 +100,7 @@ class AxisView {
     for (const { range } of Object.values(pair.sides)) {
       if (range) { low.push(range[0]); high.push(range[1]); }
     }
-    this.low = low.length ? Math.min(...low) : -1;
-    this.high = high.length ? Math.max(...high) : 1;
+    [this.low, this.high] = range ?? [low.length ? Math.min(...low) : -1, high.length ? Math.max(...high) : 1];
     this.parts = Object.keys(pair.sides).map((side, row) => {
       const wall = make("path", { class: "wall" });
       const body = make("path", { class: `links ${side}` });
@@ -122,6 +121,12 @@ class AxisView {
     return [(share - 0.5) * 0.9 * SIZE, -0.25 * SIZE + 26 * row + 30];
   }
 
+  // Where on the axis a point of the picture is.
+  placeOf([x, y]) {
+    if (this.rotary) return Math.atan2(x, 0.12 * SIZE - y);
+    return this.low + (x / (0.9 * SIZE) + 0.5) * (this.high - this.low);
+  }
+
   draw() {
     const { store, pair } = this;
     for (const { side, row, wall, body, force, label } of this.parts) {
@@ -131,11 +136,12 @@ class AxisView {
       const place = this.at(position, row);
       if (this.rotary) body.setAttribute("d", path([this.at(0, row, 0), place]));
       else body.setAttribute("d", `M${place[0] - 8} ${place[1]}h16`);
-      const where = store.newest(`tuning.${axis}.wall_position`) ?? pair.sides[side].wall;
-      if (where !== null && where !== undefined) {
+      const own = store.newest(`tuning.${axis}.wall_position`) ?? pair.sides[side].wall;
+      const walls = [own, pair.sides[side].met].filter((where) => Number.isFinite(where)).map((where) => {
         const [x, y] = this.at(where, row);
-        wall.setAttribute("d", this.rotary ? path([this.at(where, row, 0.25), this.at(where, row, 1.08)]) : `M${x} ${y - 12}v24`);
-      }
+        return this.rotary ? path([this.at(where, row, 0.25), this.at(where, row, 1.08)]) : `M${x} ${y - 12}v24`;
+      });
+      wall.setAttribute("d", walls.join(""));
       const effort = -(store.newest(`${axis}.port_effort`) ?? 0); // the port's resists
       const size = Math.abs(effort);
       this.largest = Math.max(this.largest, size);
@@ -147,11 +153,62 @@ class AxisView {
   }
 }
 
+// A scene on a line: the axis that touches it, and its nodes at their places, each in a row.
+class SceneView extends AxisView {
+  constructor(svg, store, axis, range) {
+    super(svg, store, axis, range);
+    const nodes = store.columns.filter((name) => /^scene\.at\.[^.]+$/.test(name));
+    svg.setAttribute("viewBox", `${-SIZE / 2} ${-SIZE / 2} ${SIZE} ${0.5 * SIZE}`);
+    this.nodes = nodes.map((column, k) => {
+      const dot = make("path", { class: "joints node" });
+      svg.append(dot);
+      return { column, dot, y: -0.25 * SIZE + 56 + (k % 10) * 9 };
+    });
+    svg.append(make("path", { d: `M${-0.45 * SIZE} ${-0.25 * SIZE + 44}h${0.9 * SIZE}`, class: "ground" }));
+  }
+
+  draw() {
+    super.draw();
+    for (const { column, dot, y } of this.nodes) {
+      const place = this.store.newest(column);
+      if (Number.isFinite(place)) dot.setAttribute("d", `M${this.at(place, 0)[0].toFixed(1)} ${y}h0`);
+    }
+  }
+}
+
 export class Figures {
-  constructor(host, store, facts) {
-    Object.assign(this, { host, store });
+  constructor(host, store, facts, send) {
+    Object.assign(this, { host, store, send });
     this.arms = facts.arms ?? [];
+    this.ranges = facts.pointer;
+    this.scene = facts.axes[0];
     this.show(facts.pairs[0]);
+  }
+
+  // The mouse or a finger on the picture leads the hand of its axis, for as long as it is pressed.
+  follow(svg, view, name) {
+    if (!this.ranges?.[name]) return;
+    svg.classList.add("led");
+    svg.dataset.led = name;
+    let place = null;
+    const said = () => place !== null && this.send({ op: "pointer", places: { [name]: place } });
+    const move = (event) => {
+      const [low, high] = this.ranges[name];
+      const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+      place = Math.min(high, Math.max(low, view.placeOf([point.x, point.y])));
+      said();
+    };
+    svg.onpointerdown = (event) => {
+      svg.setPointerCapture(event.pointerId);
+      move(event);
+    };
+    svg.onpointermove = (event) => { if (place !== null) move(event); };
+    svg.onpointerup = svg.onpointercancel = () => {
+      if (place !== null) this.send({ op: "pointer", places: null });
+      place = null;
+    };
+    clearInterval(this.again);
+    this.again = setInterval(said, 100); // a pointer that rests is still there
   }
 
   svg(label, caption) {
@@ -170,8 +227,12 @@ export class Figures {
     if (this.arms.length) {
       const names = this.arms.every((arm) => arm.flat) ? ["from above"] : Object.keys(VIEWS);
       this.views = names.map((name) => new ArmsView(this.svg(`Arms, seen ${name}`, `seen ${name}`), this.arms, name));
-    } else if (pair) {
-      this.axis = new AxisView(this.svg(`Axes of ${pair.name}`), this.store, pair);
+    } else if (pair ?? this.scene) {
+      const shown = pair ?? this.scene;
+      const range = this.ranges?.[shown.name];
+      const svg = this.svg(`Axes of ${shown.name}`, range ? "press and drag here: the pointer leads the hand by a spring" : "");
+      this.axis = new (pair ? AxisView : SceneView)(svg, this.store, shown, range);
+      this.follow(svg, this.axis, shown.name);
     }
     this.host.closest("article").hidden = !this.axis && !this.views.length;
   }

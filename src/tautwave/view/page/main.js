@@ -34,7 +34,7 @@ function begin(facts) {
   app.store = new Store(facts.columns, facts.rate_hz);
   app.scope = new Scope(app.store, facts);
   app.schematic = new Schematic(el("schematic"), app.store, facts);
-  app.figures = new Figures(el("figures"), app.store, facts);
+  app.figures = new Figures(el("figures"), app.store, facts, send);
   app.controls = new Controls(facts, send);
   document.title = `${facts.rig} – tautwave`;
   el("rig").textContent = facts.rig;
@@ -67,6 +67,23 @@ function soFar(said) {
   el("events").title = said.cause ? said.cause.text : "";
 }
 
+// The sound of a run that has ended, to be heard as often as wanted.
+async function playable(said) {
+  const bytes = Uint8Array.from(atob(said.wav), (letter) => letter.charCodeAt(0));
+  app.audio ??= new AudioContext();
+  app.heard = await app.audio.decodeAudioData(bytes.buffer);
+  const button = el("listen");
+  button.textContent = `play the sound (${app.heard.duration.toFixed(1)} s)`;
+  button.hidden = false;
+  button.onclick = () => {
+    app.playing?.stop();
+    app.playing = new AudioBufferSourceNode(app.audio, { buffer: app.heard });
+    app.playing.connect(app.audio.destination);
+    app.audio.resume();
+    app.playing.start();
+  };
+}
+
 function engagedTime(now) {
   const { soFar: said } = app;
   if (!said?.operated || said.from_s === null) return [];
@@ -88,11 +105,12 @@ const hear = {
   drawn: (said) => app.figures?.pose(said.arms),
   note: (said) => note(said.text, said.kind),
   tuned: (said) => { note(said.text, "done"); app.controls.tuned(); },
+  sound: playable,
   ended: (said) => {
     app.ended = true;
     badge("state", "");
     badge("link", "the run has ended", "");
-    note(`The run has ended. What is seen here can still be saved; tautwave report ${said.directory} has everything.`, "done");
+    note(`The run has ended. ${app.facts?.pointer && !app.facts.pairs.length ? "Its sound comes in some seconds. " : ""}What is seen here can still be saved; tautwave report ${said.directory} has everything.`, "done");
     app.scope?.pause();
   },
 };
