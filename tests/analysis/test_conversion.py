@@ -25,6 +25,7 @@ from tests.analysis.reference.conversion import (
     truncate_wave,
 )
 from tests.analysis.reference.planes import additive_factor, planes_leak, stiffest_factor
+from tests.examples import tried
 
 
 def test_D13_magnitude_of_the_mean() -> None:
@@ -44,7 +45,7 @@ def test_D13_mean_and_hold_are_passive_and_picking_is_not(count: int) -> None:
     assert conversion_ratio(both) == pytest.approx(1.0, rel=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=tried(60), deadline=None)
 @given(st.lists(st.floats(-10, 10), min_size=12, max_size=12), st.sampled_from([2, 3, 4, 6]))
 def test_D13_energy_falls_and_the_integral_is_exact(waves: list[float], count: int) -> None:
     fast = np.array(waves).reshape(-1, count)
@@ -61,7 +62,7 @@ def test_D13_rounding_and_holding() -> None:
     assert held_ratio(100) == 101.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=tried(60), deadline=None)
 @given(st.floats(-50, 50), st.floats(1e-3, 5))
 def test_truncating_never_adds(wave: float, step: float) -> None:
     assert abs(truncate_wave(wave, step)) <= abs(wave) * (1 + 1e-15)

@@ -24,6 +24,7 @@ from tautwave.analysis.wave_port.device_class import (
 )
 from tautwave.analysis.wave_port.reflection import reflection
 from tautwave.analysis.wave_port.sensor_noise import observer_response
+from tests.examples import tried
 from tests.laws.ports import MASS, PERIOD, Ends, ends
 
 THETA = np.unique(
@@ -356,7 +357,7 @@ def test_a_port_that_is_too_late_is_refused_without_a_proof() -> None:
     assert not proved(end, device)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=tried(40))
 @given(st.sampled_from(CASES), st.floats(0.0, 3.0), st.floats(1e-3, 0.1), st.floats(0.2, 1.5))
 def test_a_cell_is_never_better_than_its_points(
     case: tuple, low: float, width: float, factor: float

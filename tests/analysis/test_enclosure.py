@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from tautwave.analysis.wave_port.enclosure import Enclosed, angle, cosine_sums, sine_ratio
 from tautwave.analysis.wave_port.reflection import _inside
+from tests.examples import tried
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=tried(60))
 @given(st.lists(st.integers(-9, 9), min_size=1, max_size=6))
 def test_schurs_test_counts_roots(coefficients: list[int]) -> None:
     if coefficients[0] == 0:
@@ -35,7 +36,7 @@ def inside(found: Enclosed, at: float, true: float) -> bool:
     return abs(true - value) <= slack and found.least[0] <= true <= found.most[0]
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=tried(300))
 @given(CELLS, SUMS, SUMS)
 def test_enclosures_hold_what_they_enclose(cell: tuple, a: list, b: list) -> None:
     centre, half, share = cell

@@ -15,6 +15,7 @@ from tautwave.analysis.ports.necessity import Controller, User, destabilising_ha
 from tautwave.errors import ConfigError
 from tests.analysis.reference.delay_loops import verified_unstable
 from tests.analysis.reference.resonator import sampled_controller
+from tests.examples import tried
 from tests.lab.papers.necessity_motion import simulate_hand
 from tests.lab.papers.resonator_loop import controller_impedance, delayed_controller
 
@@ -154,7 +155,7 @@ coefficients = st.lists(st.integers(-3, 6), min_size=1, max_size=4)
 
 
 @given(coefficients, coefficients, st.integers(0, 2))
-@settings(max_examples=120)
+@settings(max_examples=tried(120))
 def test_not_positive_real_means_a_hand_and_only_then(
     num: list[int], den: list[int], damping: int
 ) -> None:
@@ -175,7 +176,7 @@ def test_not_positive_real_means_a_hand_and_only_then(
     st.floats(2e-5, 2e-2),
     st.floats(0.0, 3.0),
 )
-@settings(max_examples=40)
+@settings(max_examples=tried(40))
 def test_every_undamped_sampled_wall_has_its_hand(
     stiffness: float, damping: float, period: float, periods_late: float
 ) -> None:
@@ -188,7 +189,7 @@ def test_every_undamped_sampled_wall_has_its_hand(
 
 
 @given(st.floats(1.0, 1e4), st.just(0.0) | st.floats(1e-9, 10.0), st.floats(1e-5, 0.1))
-@settings(max_examples=30)
+@settings(max_examples=tried(30))
 def test_every_late_spring_and_damper_has_its_hand(
     stiffness: float, damping: float, delay: float
 ) -> None:

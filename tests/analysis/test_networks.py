@@ -25,6 +25,7 @@ from tautwave_scenes.certificate.impedance import (
     impedance,
     nodes_of,
 )
+from tests.examples import tried
 
 values = st.sampled_from([0.001, 0.143, 0.5, 2.0, 5.0, 538.0, 14200.0])
 NODES = ("a", "b", "c", "d")
@@ -65,7 +66,7 @@ def networks(draw: st.DrawFn) -> list[Part]:
 
 
 @given(networks())
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 def test_every_passive_network_is_positive_real_at_every_node(parts: list[Part]) -> None:
     for node in nodes_of(parts):
         found = positive_real(impedance(parts, node))
@@ -73,7 +74,7 @@ def test_every_passive_network_is_positive_real_at_every_node(parts: list[Part])
 
 
 @given(networks())
-@settings(max_examples=40)
+@settings(max_examples=tried(40))
 def test_impedance_is_that_of_the_matrices(parts: list[Part]) -> None:
     mass, damping, stiffness = matrices(parts)
     s = 0.7 + 3.0j

@@ -13,6 +13,7 @@ from tautwave.analysis.exact.positive_real import LOSSLESS, NOT, PLAIN, STRICT, 
 from tautwave.analysis.exact.rational import Rational, S, constant, rational
 from tests.analysis.reference.bilinear import substitute
 from tests.analysis.reference.discrete import discrete_positive_real
+from tests.examples import tried
 from tests.lab.papers.resonator_loop import controller_impedance, device_admittance
 
 PADE = rational(["-0.00025", 1], ["0.00025", 1])  # of half a sample at 1 ms
@@ -131,7 +132,7 @@ def test_sums_of_resonators_pass_and_with_less_damping_than_none_fail(
 
 @given(st.lists(st.integers(-3, 5), min_size=2, max_size=4),
        st.lists(st.integers(-3, 5), min_size=2, max_size=4))  # fmt: skip
-@settings(max_examples=150)
+@settings(max_examples=tried(150))
 def test_verdict_is_that_of_the_definition_on_random_functions(
     num: list[int], den: list[int]
 ) -> None:

@@ -12,6 +12,18 @@ from tautwave.analysis.identification.sensor_lag import Recorded, fit_lagged
 PERIOD = 5e-4
 
 
+def test_a_contact_that_damps_a_little_has_no_lag() -> None:
+    t = np.arange(2000) * PERIOD
+    x = 0.05 * np.sin(2.0 * np.pi * 2.1 * t)
+    speed = np.gradient(x, PERIOD)
+    depth = np.maximum(x - 0.01, 0.0)
+    effort = 20.0 * depth + 5e-3 * speed * (depth > 0.0)
+    plain = fit_contact(motion_of(x, effort, PERIOD, cutoff_hz=40.0), "contact")
+    assert plain is not None
+    assert 0.0 < plain.parameters["damping"].value < 0.01
+    assert fit_lagged(Recorded(x, effort, PERIOD, 40.0, np.ones(len(t), bool)), plain) is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 0.03])
 def test_the_lag_of_a_force_sensor_is_found_beside_the_damping(damping: float) -> None:

@@ -27,6 +27,7 @@ from tests.analysis.reference.wall_bounds import (
     spring_bound,
     tustin_velocity,
 )
+from tests.examples import tried
 
 T = 1e-3
 
@@ -137,7 +138,7 @@ delays = st.one_of(st.integers(0, 20).map(float), st.floats(0.0, 20.0))
 
 
 @given(stiffnesses, signed, periods, filters)
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 def test_prompt_wall_equals_its_closed_form(K: float, B: float, period: float, tau: float) -> None:
     wall = SampledWall(K, B, period, 0.0, tau)
     leak = wall_leak(wall)
@@ -147,7 +148,7 @@ def test_prompt_wall_equals_its_closed_form(K: float, B: float, period: float, t
 
 
 @given(stiffnesses, periods, delays)
-@settings(max_examples=40)
+@settings(max_examples=tried(40))
 def test_delayed_spring_equals_its_closed_form(K: float, period: float, delay: float) -> None:
     wall = SampledWall(K, 0.0, period, delay)
     assert wall_leak(wall).damping == pytest.approx(spring_bound(wall), rel=1e-9)
@@ -177,7 +178,7 @@ def test_damper_with_whole_delay_is_a_cosine() -> None:
     st.lists(st.floats(-0.6, 0.6), min_size=3, max_size=3),
     st.floats(0, 5),
 )
-@settings(max_examples=40)
+@settings(max_examples=tried(40))
 def test_bound_is_never_below_any_frequency(
     top: list[float], poles: list[float], delay: float
 ) -> None:
@@ -323,7 +324,7 @@ def test_senseless_input_is_one_sentence(
 
 
 @given(signed, dampings, periods, delays, filters)
-@settings(max_examples=40)
+@settings(max_examples=tried(40))
 def test_greatest_stiffness_passes_and_one_percent_more_does_not(
     B: float, b: float, period: float, delay: float, tau: float
 ) -> None:
@@ -337,7 +338,7 @@ def test_greatest_stiffness_passes_and_one_percent_more_does_not(
 
 
 @given(stiffnesses, dampings, periods, st.floats(0, 3), filters)
-@settings(max_examples=40)
+@settings(max_examples=tried(40))
 def test_greatest_damping_passes_and_more_does_not(
     K: float, b: float, period: float, delay: float, tau: float
 ) -> None:

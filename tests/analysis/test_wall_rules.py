@@ -42,6 +42,7 @@ from tests.analysis.reference.wall_rules import (
     quantiser_gain,
     swing_threshold,
 )
+from tests.examples import tried
 
 T = 1e-3
 
@@ -100,7 +101,7 @@ def test_abbott_and_okamura_is_where_the_motion_begins_to_pay(b: float, c: float
     st.floats(1e-6, 1e-3),
     st.lists(st.floats(-3e-4, 3e-4), min_size=2, max_size=60),
 )
-@settings(max_examples=150)
+@settings(max_examples=tried(150))
 def test_no_motion_yields_more_than_the_bound(
     b: float, c: float, Q: float, steps: list[float]
 ) -> None:

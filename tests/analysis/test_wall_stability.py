@@ -22,6 +22,7 @@ from tautwave.laws.wall import WallParams, wall_effort
 from tautwave.models.hand import PAPER_HAND
 from tautwave.models.plant import PlantParams, plant_cache, plant_step
 from tests.analysis.reference.wall_rules import linear_rule
+from tests.examples import tried
 
 T = 1e-3
 
@@ -281,7 +282,7 @@ def test_boundary_in_the_corners(mass: float, damping: float, period: float, del
 
 
 @given(st.floats(-3, 1), st.floats(-6, 2), st.floats(-4, -2), st.floats(0, 5), st.floats(-2, 6))
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 def test_state_matrix_is_the_simulated_map(
     mass: float, damping: float, period: float, delay: float, stiffness: float
 ) -> None:

@@ -42,6 +42,7 @@ def test_auto_is_a_law_with_its_gains() -> None:
         ([f"coupling.delay_s={PROMPT_S}"], "no other follows much closer", "mediated"),
         (["coupling.delay_s=0.02", "rate_hz=400"], "over 20 ms costs F tau / b", "no other"),
         (["coupling.delay_s=0.02", "rate_hz=400"], "but needs 500 Hz", "no other"),
+        (["coupling.delay_s=0.02", "rate_hz=500"], "mediated", "but needs"),
         (["link={}"], "over any network", "mediated"),
     ],
 )

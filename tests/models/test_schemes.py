@@ -79,6 +79,28 @@ def test_order_where_all_is_smooth(scheme: str, order: float) -> None:
     assert slope([1.0 / n for n in counts], errors) == pytest.approx(order, abs=0.12)
 
 
+@pytest.mark.parametrize(
+    ("scheme", "digits"),
+    [("discrete_gradient", 1e-4), ("implicit_midpoint", 1e-4), ("rk4", 1e-9)],
+)
+def test_what_a_scheme_books_is_what_passed(scheme: str, digits: float) -> None:
+    """Works and losses of hand, grip, joint and contact, deep inside, before it turns."""
+    p = plant(0.1, 0.3, 0.4, (50.0, 0.5), (80.0, 0.002))
+    foam = contact(SCHEMES[scheme], 1.5, 1e4, loss=0.4)
+
+    def booked(by: FoamParams, steps: int) -> list[float]:
+        x, v, t, sums = 0.01, 0.2, 1e-3 / steps, [0.0] * 5
+        for at in range(steps):
+            x, v, *parts = integrate_step(p, by, x, v, 0.5, 0.01 + 0.2 * t * at, 0.2, t)
+            sums = [one + more for one, more in zip(sums, parts, strict=True)]
+        return sums
+
+    wanted = booked(foam._replace(scheme=DORMAND_PRINCE), 1)
+    assert all(abs(one) > 1e-9 for one in wanted)
+    for one, want in zip(booked(foam, 80), wanted, strict=True):
+        assert one == pytest.approx(want, rel=digits)
+
+
 def test_dormand_prince_is_of_order_five_and_its_estimate_one_less() -> None:
     p = plant(0.1, 0.3, 0.0, (50.0, 0.5), (80.0, 0.002))
     foam = contact(DORMAND_PRINCE, 1.5, 1e4, loss=0.4)
