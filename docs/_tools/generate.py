@@ -11,6 +11,7 @@ from _tools.floors import floors_svg
 from _tools.keys import keys_pages
 from _tools.stops import stops_page
 from _tools.summary import summary_page
+from _tools.sweeps import sweeps_page
 
 
 def write_pages(folder: Path) -> None:
@@ -23,6 +24,7 @@ def write_pages(folder: Path) -> None:
         "cycle.md": cycle_page,
         "stops.md": stops_page,
         "summary.md": summary_page,
+        "sweeps.md": sweeps_page,
         "floors.svg": floors_svg,
     }
     texts = {name: page() for name, page in pages.items()}

@@ -19,6 +19,7 @@ from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
 from tautwave.session.sites.agreed import ALIGNED, LINK_COLUMNS
 from tautwave.session.viewing.tuning import tuning_of
+from tautwave.sweep.file import MEASURES, Case, Figure, Panel, Sweep
 from tests.arms.motions import FOLLOWING
 from tests.docs.blocks import pages
 
@@ -44,6 +45,15 @@ def test_every_key_is_on_the_page() -> None:
 
     text = "".join(keys_pages().values())
     assert all(f"| `{key}` |" in text for block, key, _ in described() if block != "Coupling")
+
+
+def test_every_measure_and_key_of_a_sweep_file_is_on_its_page() -> None:
+    from _tools import sweeps
+
+    assert tuple(sweeps.MEASURES) == MEASURES
+    text = sweeps.sweeps_page()
+    keys = {key for block in (Sweep, Case, Figure, Panel) for key in block.model_fields}
+    assert all(f"| `{key}` |" in text for key in {*keys, *MEASURES})
 
 
 def test_every_block_has_one_page_and_every_page_its_keys() -> None:
