@@ -31,32 +31,32 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import HealthCheck, settings
-from hypothesis.internal.conjecture import providers
 
 from tautwave.config.text import document, yaml12
 from tautwave.runtime import machine
 from tests import compiling, workers
+from tests.examples import FEW
 
 # `.ci/run` sets it: it has installed every library, so a test that misses one is a hole in the net.
 LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
-# speed is nobody's business. `TAUTWAVE_EXAMPLES=all` tries twice as many, also where a default test
-# has a number of its own; `pytest --hypothesis-profile=explore` looks for new ones.
-EXAMPLES, FEWER = 20, 0.5
-ALL_EXAMPLES = os.environ.get("TAUTWAVE_EXAMPLES") == "all"
+# speed is nobody's business. `pytest --hypothesis-profile=more` tries twice as many of them, also
+# where a default test has a number of its own (`tests.examples`); `explore` looks for new ones.
 settings.register_profile(
     "steady",
     derandomize=True,
     deadline=None,
-    max_examples=EXAMPLES if ALL_EXAMPLES else int(FEWER * EXAMPLES),
+    max_examples=FEW,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
+settings.register_profile("more", settings.get_profile("steady"), max_examples=2 * FEW)
 settings.register_profile("explore", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
-# hypothesis also tries the constants of whatever modules a worker happens to have loaded: the same
-# test would try other numbers in each run.
+# Hypothesis also tries the constants of whatever modules a worker happens to have loaded: the same
+# test would try other numbers in each run. It has no setting for that; older versions do not.
+providers: Any = sys.modules.get("hypothesis.internal.conjecture.providers")
 if hasattr(providers, "_get_local_constants"):
     providers._get_local_constants = lambda: providers._local_constants
 
@@ -119,19 +119,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             if seen[function] % sparse.args[0]:
                 item.add_marker(pytest.mark.slow)
             seen[function] += 1
-    if not ALL_EXAMPLES:
-        default = [item for item in items if not item.get_closest_marker("slow")]
-        try_fewer({item.function for item in default if isinstance(item, pytest.Function)})
-
-
-def try_fewer(tests: set[Any]) -> None:
-    """Have tests whose examples are counted beside them try a share of them."""
-    for test in tests:
-        own = getattr(test, "_hypothesis_internal_use_settings", None)
-        if own is not None and settings.default is not None:
-            most = max(settings.default.max_examples, int(FEWER * own.max_examples))
-            if own.max_examples > most:
-                test._hypothesis_internal_use_settings = settings(own, max_examples=most)
 
 
 def pytest_collection_finish() -> None:

@@ -22,6 +22,7 @@ from tautwave.rig import command_delays
 from tautwave.simulation import simulate
 from tests.analysis.ends import spectral_radius
 from tests.certificate.adversaries import tuned
+from tests.examples import tried
 from tests.rigs.drawing import magnitudes
 from tests.rigs.running import rig_of, tree
 
@@ -56,7 +57,7 @@ def hold_walls(drawn: tuple[SampledWall, float], share: float) -> None:
         assert not grows(wall, held), (wall, held)
 
 
-@settings(CALM, max_examples=100)
+@settings(CALM, max_examples=tried(100))
 @given(walls(), st.floats(1.0, 1.5))
 def test_no_tuned_hand_destabilises_a_passive_wall(
     drawn: tuple[SampledWall, float], share: float

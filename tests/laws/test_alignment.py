@@ -19,6 +19,7 @@ from tautwave.laws.rest.alignment import (
     lead_reference,
     move_reference,
 )
+from tests.examples import tried
 
 MASS, VISCOUS, COULOMB = 1.6e-3, 3.0e-3, 2.0e-3
 PERIOD = 1e-3
@@ -120,7 +121,7 @@ def test_a_budget_that_is_too_small_ends_the_push() -> None:
     start=st.floats(-1.0, 1.0), target=st.floats(-1.0, 1.0),
     speed=st.floats(0.2, 2.0), acceleration=st.floats(0.5, 20.0),
 )  # fmt: skip
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=tried(20), deadline=None)
 def test_the_reference_keeps_speed_and_acceleration_and_ends_at_the_target(
     start: float, target: float, speed: float, acceleration: float
 ) -> None:

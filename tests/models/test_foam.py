@@ -16,6 +16,7 @@ from tautwave.models.foam import (
     foam_substeps,
 )
 from tautwave.models.plant import PlantParams
+from tests.examples import tried
 from tests.models.plants import STEP, plant
 
 
@@ -141,7 +142,7 @@ def test_D15_newton_needs_few_iterations() -> None:
     assert max(counts) <= 12
 
 
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 @given(
     mass=st.floats(0.01, 2.0),
     viscous=st.sampled_from([0.0, 0.3]),

@@ -17,6 +17,7 @@ from tautwave.models.plant import (
     plant_step,
     plant_stored,
 )
+from tests.examples import tried
 from tests.models.compiled import compiled
 from tests.models.plants import STEP, plant
 
@@ -68,7 +69,7 @@ def test_the_books_close(name: str) -> None:
     assert abs(residual) <= 1e-13 * gross
 
 
-@settings(max_examples=40)
+@settings(max_examples=tried(40))
 @given(
     mass=st.floats(0.01, 2.0),
     viscous=st.sampled_from([0.0, 0.3]),

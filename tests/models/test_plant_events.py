@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tautwave.models.crossing import first_rise, isolation_limit, motion_bounds
 from tautwave.models.linear import flow_increment
 from tautwave.models.plant import FREE, plant_cache, plant_step
+from tests.examples import tried
 from tests.models.brute import brute_step
 from tests.models.compiled import compiled
 from tests.models.plants import STEP, plant
@@ -41,7 +42,7 @@ def test_the_motion_is_that_of_tiny_steps(name: str) -> None:
     assert len(events) >= 2
 
 
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 @given(
     name=st.sampled_from(sorted(CASES)),
     x=st.floats(-2e-3, 2e-3),
@@ -71,7 +72,7 @@ def test_one_step_is_many_small_ones(
     assert whole[3:] == pytest.approx(flows, abs=1e-9)
 
 
-@settings(max_examples=100)
+@settings(max_examples=tried(100))
 @given(
     k=st.sampled_from([0.0, 50.0, 1e4]),
     b=st.sampled_from([0.0, 1.0, 200.0]),
@@ -119,7 +120,7 @@ def test_the_first_rise_is_the_first(
                 below = below or g < -tiny
 
 
-@settings(max_examples=100)
+@settings(max_examples=tried(100))
 @given(
     k=st.sampled_from([0.0, 50.0, 1e4, 1e7]),
     b=st.sampled_from([0.0, 1.0, 200.0, 1e4]),

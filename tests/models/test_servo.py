@@ -13,6 +13,7 @@ from tautwave.models.servo import (
     servo_step,
     servo_stored,
 )
+from tests.examples import tried
 from tests.models.plants import STEP
 
 FREE = ServoParams(0.002, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -80,7 +81,7 @@ def test_a_visit_to_the_wall_within_a_step_closed_form(side: float) -> None:
     assert more == pytest.approx(1e4 * 0.6e-3**2, rel=1e-11)
 
 
-@settings(max_examples=80)
+@settings(max_examples=tried(80))
 @given(
     tau=st.sampled_from([0.0, 1e-4, 2e-3, 1.0]),
     mass=st.sampled_from([0.0, 0.143]),
@@ -120,7 +121,7 @@ def test_the_books_close(
     assert abs(residual) <= 1e-12 * gross + 1e-18
 
 
-@settings(max_examples=50)
+@settings(max_examples=tried(50))
 @given(
     x=st.floats(-1e-3, 1e-3),
     v=st.floats(-1.0, 1.0),

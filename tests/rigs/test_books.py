@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from tautwave.rig import Assembly
+from tests.examples import tried
 from tests.rigs.closing import (
     ALL,
     CLIPPED,
@@ -245,7 +246,7 @@ def test_wall_and_damped_device_together_generate_nothing() -> None:
 # -- any rig -----------------------------------------------------------------------------------
 
 
-@settings(max_examples=25, suppress_health_check=list(HealthCheck))
+@settings(max_examples=tried(25), suppress_health_check=list(HealthCheck))
 @given(rigs(cycles=250))
 def test_the_books_of_any_rig_close(data: Tree) -> None:
     check_any(data)

@@ -16,6 +16,7 @@ from tautwave.rig import Assembly
 from tautwave.session.identification.identifying import identify_device
 from tests.analysis.reference.conversion import hold_matrix, pick_matrix
 from tests.certificate.rigs import element
+from tests.examples import tried
 from tests.rigs.closing import (
     ALL,
     CONTACT,
@@ -62,7 +63,7 @@ def slow_rigs(draw: st.DrawFn, cycles: int) -> Tree:
     return data
 
 
-@settings(max_examples=25, suppress_health_check=list(HealthCheck))
+@settings(max_examples=tried(25), suppress_health_check=list(HealthCheck))
 @given(slow_rigs(cycles=400))
 def test_no_rig_with_slow_buses_generates_energy(data: Tree) -> None:
     check_any(data)

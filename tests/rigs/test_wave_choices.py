@@ -26,6 +26,7 @@ from tautwave.sweep.grid import Choice as Varied
 from tautwave.sweep.grid import Recipe
 from tautwave.sweep.points import Points
 from tests.commands import keep_in_one_process, tautwave
+from tests.examples import tried
 
 LAW = "wave"
 AXIS = """{bus: bench, id: %d, kind: rotary, inertia: {value: 1.6e-3, lower: 1.1e-3, source: maker},
@@ -187,7 +188,7 @@ def test_each_bound_binds(
     assert f"bound by {cause}" in found.reason
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=tried(25), deadline=None)
 @given(st.floats(1.0, 8.0), st.sampled_from(["noise", "step", "mass", "limit", "delay"]))
 def test_the_bound_follows_the_devices(factor: float, which: str) -> None:
     """More noise, coarser steps, a longer line: softer. Heavier, stronger devices: stiffer."""

@@ -21,6 +21,7 @@ from tautwave_scenes.networks.parallel_links import join_links
 from tautwave_scenes.networks.pruning import prune
 from tautwave_scenes.networks.schemes import gradient, islands
 from tautwave_scenes.networks.schemes.exact import linear_matrices
+from tests.examples import tried
 from tests.scene.test_keys import CONFIGS
 
 NUMBERS = st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-12)
@@ -36,7 +37,7 @@ ALL = ("spring", "damper", "contact", "nonlinear", "plastic", "friction", "bow",
     NUMBERS,
     NUMBERS,
 )
-@settings(max_examples=300)
+@settings(max_examples=tried(300))
 def test_elastic_laws_double_to_the_bit(kind, k, e, d, moved):
     twice = law.mean_tension(kind, 2.0 * k, e, d, moved)
     assert twice == tuple(2.0 * part for part in law.mean_tension(kind, k, e, d, moved))
@@ -53,7 +54,7 @@ def test_elastic_laws_double_to_the_bit(kind, k, e, d, moved):
     STRENGTH,
     NUMBERS,
 )
-@settings(max_examples=200)
+@settings(max_examples=tried(200))
 def test_laws_of_the_rate_double_to_the_bit(kind, z, f, w):
     once = law.rate_tension(kind, z, f, 0.03, w)
     assert law.rate_tension(kind, 2.0 * z, 2.0 * f, 0.03, w) == tuple(2.0 * x for x in once)

@@ -22,6 +22,7 @@ from tautwave.errors import ConfigError
 from tautwave_scenes.config import sounds
 from tautwave_scenes.networks.signals import force_signal, sound_signal
 from tautwave_scenes.rig.network import keep_sounds, pruned_network, scene_forces
+from tests.examples import tried
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 VALUES = [0.0, 0.5, -0.5, 0.25, -1.0, 0.75]
@@ -74,7 +75,7 @@ def test_every_format_gives_the_same_sound(tmp_path, bits, kind, extensible):
 
 
 @given(st.lists(st.integers(-32768, 32767), min_size=2, max_size=50))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=tried(40), deadline=None)
 def test_what_the_standard_library_writes_is_read(tmp_path_factory, numbers):
     held = io.BytesIO()
     with wave.open(held, "wb") as file:
@@ -89,7 +90,7 @@ def test_what_the_standard_library_writes_is_read(tmp_path_factory, numbers):
 
 
 @given(st.binary(max_size=200), st.integers(0, 60))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=tried(100), deadline=None)
 def test_no_bytes_raise_anything_but_a_sentence(tmp_path_factory, garbage, cut):
     path = tmp_path_factory.getbasetemp() / "garbage.wav"
     path.write_bytes(wav_bytes(VALUES)[:cut] + garbage)

@@ -21,6 +21,7 @@ from tautwave_scenes.networks3d.network import (
     prune_network3d,
 )
 from tautwave_scenes.networks3d.tension import pull_link
+from tests.examples import tried
 from tests.scene3d.networks import everything, flat, free_ring, momenta, vector
 
 
@@ -44,7 +45,7 @@ def test_free_networks_keep_energy_and_both_momenta(seed, count, stiffness, peri
     assert abs(model.residual()) <= 1e-12 * model.start.energy
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=tried(20), deadline=None)
 @given(seed=st.integers(0, 10**6), stiffness=st.floats(1.0, 1e3))
 def test_the_standard_scheme_keeps_both_momenta_and_books_what_it_makes(seed, stiffness):
     model = Model3d(free_ring(seed, 5, stiffness), "symplectic", 2e-4)

@@ -19,6 +19,7 @@ from tautwave_scenes.networks3d.matrices import tangent
 from tautwave_scenes.networks3d.network import ORIGIN, WAYS, Network3d, Port3d
 from tautwave_scenes.networks3d.straining import element_matrix
 from tautwave_scenes.networks3d.tissue import Material, tissue_of
+from tests.examples import tried
 from tests.scene3d.networks import momenta
 from tests.scene3d.tissues import SIZE, SOFT, bent, tissue
 
@@ -44,7 +45,7 @@ def as_matrix(e):
     return np.array(algebra.full(e)).reshape(3, 3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=tried(60), deadline=None)
 @given(seed=st.integers(0, 10**6), step=st.sampled_from([1e-6, 1e-2, 0.5, 2.0]))
 def test_the_mean_pull_does_the_work_of_its_stress_whatever_the_step(seed, step):
     """Also through flat and inverted states; of the elastic stress that is the energy's change."""
@@ -67,7 +68,7 @@ def test_the_mean_pull_does_the_work_of_its_stress_whatever_the_step(seed, step)
             assert np.allclose(torque, torque.T, atol=1e-12 * (1.0 + np.abs(torque).max()))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=tried(60), deadline=None)
 @given(seed=st.integers(0, 10**6), inverted=st.booleans())
 def test_the_rotation_is_the_polar_one_and_a_rotation_where_the_element_is_inverted(seed, inverted):
     rng = np.random.default_rng(seed)
@@ -79,7 +80,7 @@ def test_the_rotation_is_the_polar_one_and_a_rotation_where_the_element_is_inver
     assert np.allclose(found @ found.T, np.eye(3), atol=1e-13)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=tried(20), deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_a_body_that_is_turned_and_moved_has_no_stress(seed):
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ from tautwave_scenes.networks3d.live import Model3d
 from tautwave_scenes.networks3d.network import ORIGIN, WAYS, Mass3d, Network3d, Port3d
 from tautwave_scenes.networks3d.tool import Tool3d, place_tool, tool_efforts, turn_of, wrench_of
 from tautwave_scenes.rig.network3d import axis_scales, whole_network3d
+from tests.examples import tried
 from tests.scene3d.tissues import SIZE, tissue
 
 RIG = Path(__file__).parents[2] / "configs" / "arms" / "tissue.yaml"
@@ -63,7 +64,7 @@ def clipped():
     return held(network._replace(links=links), (SIZE[0], 0.01, 0.01))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=tried(40), deadline=None)
 @given(seed=st.integers(0, 10**6), size=st.sampled_from([0.0, 1e-9, 9e-5, 1.1e-4, 0.3, 2.5]))
 def test_rotation_and_rate_are_those_of_the_rotation_vector(seed, size):
     """D is the derivative: R(v + dv) = (1 + [D dv]) R(v), to the step's second order."""
@@ -82,7 +83,7 @@ def test_rotation_and_rate_are_those_of_the_rotation_vector(seed, size):
     assert np.allclose(found, rate @ step, atol=1e-15)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=tried(40), deadline=None)
 @given(seed=st.integers(0, 10**6), some=st.booleans())
 def test_what_the_axes_bear_is_the_power_of_the_wrench_and_of_all_forces(seed, some):
     """Effort times speed = wrench . twist = sum f . v, at any pose, for any choice of axes."""

@@ -22,6 +22,7 @@ from tautwave.session.acceptance.document import Check
 from tautwave.session.acceptance.ladder import SEEN, TOUCH, touches
 from tautwave.session.acceptance.motion import MAX_SHARE, MAX_SPEED, TOO_FAR, motions
 from tautwave.session.guided.control import GuidedControl
+from tests.examples import tried
 from tests.session.test_calibrating import BENCH
 
 AXIS = "master.lever"
@@ -95,7 +96,7 @@ def checked(device: Device) -> list[Check]:
         device.pass_slot()
 
 
-@settings(max_examples=30)
+@settings(max_examples=tried(30))
 @given(
     inertia=st.floats(1e-4, 1e-1),
     coulomb=st.floats(0.0, 0.15 * LIMIT),
@@ -226,7 +227,7 @@ def driven(device: Servo) -> list[Check]:
         device.pass_slot()
 
 
-@settings(max_examples=20)
+@settings(max_examples=tried(20))
 @given(lag_s=st.floats(1e-3, 0.05), scale=st.floats(0.9, 1.1))
 def test_an_axis_that_takes_velocity_is_driven_both_ways_and_stays_near(
     lag_s: float, scale: float

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave_sim.cia402 import State
+from tests.examples import tried
 from tests.sim.canopen.master import Master
 
 IDS = st.one_of(
@@ -42,7 +43,7 @@ FRAMES = st.lists(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=tried(150))
 @given(FRAMES, st.booleans(), st.booleans())
 def test_garbage_never_raises(frames: list[tuple[int, bytes]], up: bool, servo: bool) -> None:
     node = Master((1, 2), servo=servo)

@@ -14,6 +14,7 @@ from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave_sim.mit import simulator
 from tautwave_sim.mit.bench import MitBench, bench
+from tests.examples import tried
 from tests.sim.truths import truth
 
 PERIOD_NS = 1_000_000
@@ -233,7 +234,7 @@ def test_a_constant_torque_moves_it_as_a_mass_is_moved() -> None:
     assert client.motors[0].axis.physics.v == pytest.approx(torque / 0.01 * 0.1, rel=0.02)
 
 
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 @given(
     st.lists(
         st.tuples(st.sampled_from([0, 1, 2, 0x11, 0x101, 0x7FF]), st.binary(max_size=8)),

@@ -12,6 +12,7 @@ from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.modbus.drive import Drive
 from tautwave_sim.modbus.options import DeviceKeys, Quirks
+from tests.examples import tried
 from tests.sim.modbus.masters import Bench, pair, read, read_write, signed, words, write_many
 from tests.sim.truths import truth
 
@@ -91,7 +92,7 @@ def test_to_the_bit_like_a_command_delay_of_one_period(link: str, servo: bool) -
     assert seen == {1: reference, 2: reference}
 
 
-@settings(max_examples=25)
+@settings(max_examples=tried(25))
 @given(
     st.lists(st.integers(-45, 45), min_size=3, max_size=25),
     st.floats(0.0, 0.95),

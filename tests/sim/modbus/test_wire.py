@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tautwave_sim.modbus.wire.framing import open_rtu, rtu_frame, tcp_frame
+from tests.examples import tried
 from tests.sim.modbus.masters import Bench, read, read_write, words, write_many, write_one
 
 GOOD = rtu_frame(1, read(0))
@@ -156,7 +157,7 @@ def test_who_speaks_into_an_answer_garbles_it() -> None:
     assert open_rtu(got) is None
 
 
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 @given(
     st.lists(
         st.tuples(st.binary(min_size=1, max_size=40), st.floats(0.0, 0.004)),
@@ -171,7 +172,7 @@ def test_an_rtu_line_finds_its_feet_after_anything(pieces: list[tuple[bytes, flo
     assert send(bench, (GOOD, QUIET)) == ANSWER
 
 
-@settings(max_examples=60)
+@settings(max_examples=tried(60))
 @given(st.lists(st.binary(min_size=1, max_size=40), max_size=6))
 def test_a_connection_of_anything_never_raises(pieces: list[bytes]) -> None:
     bench = Bench()
