@@ -11,7 +11,8 @@ import yaml
 from click.testing import Result
 
 from tautwave.cli.terminal.screen import LINES
-from tautwave.cli.terminal.show import Section, plain_lines
+from tautwave.cli.terminal.show import plain_lines
+from tautwave.tables import Table
 
 Cli = Callable[..., Result]
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -144,7 +145,7 @@ def test_a_bus_that_is_too_slow_is_said_at_the_end(tautwave_cli: Cli) -> None:
 
 
 def test_lines_of_a_cell_stay_in_its_column() -> None:
-    table = Section(
+    table = Table(
         "Bus time", ("bus", ">needed", ""), [("can", "1 ms", "SYNC\nsum"), ("b", "2", "")]
     )
     assert list(plain_lines(table)) == [

@@ -9,7 +9,7 @@ import pytest
 
 from tautwave.cli.group import COMMANDS, DAILY
 from tautwave.cli.terminal.screen import LINES, line_count
-from tautwave.cli.terminal.show import GOOD, NOTE, plain_text
+from tautwave.cli.terminal.show import plain_text
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import outcome, verdicts
@@ -17,6 +17,7 @@ from tautwave.summary import summary_of
 from tautwave.summary.ending import eventful, events, first_cause
 from tautwave.summary.model import Summary
 from tautwave.summary.repeats import collapsed
+from tautwave.tables import GOOD, NOTE
 from tests.cli.conftest import SUMMARY
 from tests.commands import keep_in_one_process
 
@@ -51,7 +52,7 @@ def test_a_bad_day_does_not_look_good() -> None:
     assert eventful(summary)
     assert first_cause(summary) == "master.wrist: no power, after 2 s."
     head = summary_sections("rig", summary, Path(), 0, verbose=False)[0]
-    assert head.style == f"bold {NOTE}"
+    assert head.level == NOTE
     assert "engaged 11 s of 113 s, 188 faults" in head.title
 
 
@@ -73,7 +74,7 @@ def test_a_good_day_is_green() -> None:
     operation = {"engagements": 1, "engaged_s": 100.0, "journal": [entry(0.0, "engage")]}
     summary = made(operation=operation, duration_s=113.0)
     assert not eventful(summary)
-    assert summary_sections("rig", summary, Path(), 0)[0].style == f"bold {GOOD}"
+    assert summary_sections("rig", summary, Path(), 0)[0].level == GOOD
     noted = made(faults=[{"text": "warm", "axis": "slave.wrist", "fatal": False}])
     assert not eventful(noted)
     assert eventful(made(faults=[{"text": "hot", "axis": "slave.wrist", "fatal": True}]))

@@ -28,11 +28,12 @@ from tautwave.cli.rigs.talking import Screen
 from tautwave.cli.terminal import progress_bar
 from tautwave.cli.terminal.live import room
 from tautwave.cli.terminal.progress import Progress
-from tautwave.cli.terminal.show import Cell, Section, plain, plain_lines
+from tautwave.cli.terminal.show import plain, plain_lines
 from tautwave.cli.terminal.streams import escaped, warn
+from tautwave.tables import Cell, Table
 from tests.view.served import Run
 
-TABLE = Section(
+TABLE = Table(
     "Tracking", ("pair", ">rms"), [("wrist", "1.5 mrad"), ("elbow", Cell("12 µrad", "red"))]
 )
 
@@ -40,7 +41,7 @@ TABLE = Section(
 def test_what_others_wrote_does_not_command_the_terminal(capfd: pytest.CaptureFixture[str]) -> None:
     text = "drive \x1b[31m\x9b2J\a\u202eevil\ud800 \N{MICRO SIGN}m\n\tnext"
     assert escaped(text) == "drive \\x1b[31m\\x9b2J\\x07\\u202eevil\\ud800 \N{MICRO SIGN}m\n\tnext"
-    assert list(plain_lines(Section("a\x1b[2J", ("b",), [("c\x1b]0;t\a",)]))) == [
+    assert list(plain_lines(Table("a\x1b[2J", ("b",), [("c\x1b]0;t\a",)]))) == [
         "a\\x1b[2J", "  b", "  c\\x1b]0;t\\x07",
     ]  # fmt: skip
     warn("bus \x1b[2J")
@@ -73,7 +74,7 @@ def test_plain_figures_can_be_read_by_a_script() -> None:
 def test_a_terminal_gets_a_table_with_colours() -> None:
     code = (
         "from tautwave.cli.terminal.show import *\n"
-        "show([Section('Title', ('a',), [(Cell('bad', BAD),)])])"
+        "show([Table('Title', ('a',), [(Cell('bad', BAD),)])])"
     )
     main, side = pty.openpty()
     try:

@@ -73,15 +73,13 @@ SIMULATOR = SimulatorPlugin(
 @pytest.fixture(autouse=True)
 def _installed(monkeypatch: pytest.MonkeyPatch) -> None:
     plugins = {registry.DRIVERS: DRIVER, registry.SIMULATORS: SIMULATOR}
-    look_up = registry.entry_points
+    found = registry.entry_points()
 
-    def with_acme(group: str) -> Any:
-        if group not in plugins:
-            return look_up(group=group)
-        acme = SimpleNamespace(name="acme", load=lambda: plugins[group])
-        return [*look_up(group=group), acme]
+    def select(group: str) -> list[Any]:
+        acme = [SimpleNamespace(name="acme", load=lambda: plugins[group])]
+        return [*found.select(group=group), *(acme if group in plugins else [])]
 
-    monkeypatch.setattr(registry, "entry_points", with_acme)
+    monkeypatch.setattr(registry, "entry_points", lambda: SimpleNamespace(select=select))
 
 
 def test_sim_announces_one_line_of_json(tautwave_cli: Cli) -> None:

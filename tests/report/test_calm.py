@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tautwave.cli.terminal.show import BAD, Cell
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.report.calm import high_frequency_share
 from tautwave.report.fast_motion import fast_share
 from tautwave.summary import Summary
 from tautwave.summary.model import Pair, Side
+from tautwave.tables import BAD, Cell
 
 TIME = np.arange(4000) * 1e-3
 SLOW = np.sin(2.0 * np.pi * 2.0 * TIME)
@@ -79,4 +79,4 @@ def test_a_pair_that_buzzes_is_said_to_and_marked() -> None:
         sections = summary_sections("rig", summary, Path(), 0)
         [tracking] = [it for it in sections if it.title == "Tracking"]
         cell = next(iter(tracking.rows))[-1]
-        assert (isinstance(cell, Cell) and cell.style == BAD) is marked
+        assert (isinstance(cell, Cell) and cell.level == BAD) is marked

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from tautwave.analysis.claim import Stated
-from tautwave.cli.terminal.show import BAD, GOOD, Cell, plain
+from tautwave.cli.terminal.show import plain
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import resolved_yaml
 from tautwave.couplings.wave.claim import claimed_joules
@@ -25,6 +25,7 @@ from tautwave.rig import command_delays
 from tautwave.session.reporting import final_code
 from tautwave.summary import summary_of
 from tautwave.summary.model import Motors
+from tautwave.tables import BAD, GOOD, Cell
 from tests.certificate.rigs import rig
 from tests.report.rows_of import put
 

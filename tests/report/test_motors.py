@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import yaml
 
-from tautwave.cli.terminal.show import BAD, Cell
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import Rig, resolved_yaml
 from tautwave.couplings.wave import port
@@ -24,6 +23,7 @@ from tautwave.rig import command_delays
 from tautwave.session.facts import pair_facts, port_claims
 from tautwave.summary import Summary, summary_of
 from tautwave.summary.model import Motors
+from tautwave.tables import BAD, Cell
 from tests.certificate.rigs import NO_QUANTUM, NO_WALLS, rig
 from tests.report.rows_of import put
 from tests.report.synthetic import make_columns
@@ -98,7 +98,7 @@ def test_a_port_that_gives_without_an_account_exceeds_what_it_may(
     shown = next(one for one in sections if one.title == "Energy books")
     [row] = [row for row in shown.rows if row[0] == "at the worst moment"]
     assert isinstance(row[1], Cell)
-    assert row[1].style == BAD
+    assert row[1].level == BAD
     assert "exceeded" in row[2].text  # type: ignore[union-attr]
     [books] = [one for one in verdicts(run) if one.topic == "Energy books"]
     assert books.status == "bad"

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -71,7 +72,9 @@ def test_a_package_that_does_not_import_says_so(monkeypatch: pytest.MonkeyPatch)
     point = type("Point", (), {"module": "json", "value": "json:plugin", "dist": None})
     point.load = lambda self: json.plugin  # type: ignore[attr-defined]
     point.name, point.extras = "scene", ()  # type: ignore[attr-defined]
-    monkeypatch.setattr(registry, "entry_points", lambda group: [point()])
+    monkeypatch.setattr(
+        registry, "entry_points", lambda: SimpleNamespace(select=lambda group: [point()])
+    )
     with pytest.raises(ConfigError, match=r"control 'scene' \(json:plugin\) does not import"):
         registry.load_control("scene")
 

@@ -22,18 +22,9 @@ from tautwave.cli.options import (
     site_option,
 )
 from tautwave.cli.terminal.checked import short_sections
-from tautwave.cli.terminal.show import (
-    BAD,
-    FAINT,
-    GOOD,
-    NOTE,
-    Cell,
-    Section,
-    plain_text,
-    show,
-    verdict,
-)
+from tautwave.cli.terminal.show import plain_text, show, verdict
 from tautwave.files import make_directory, write_text, writing
+from tautwave.tables import BAD, FAINT, GOOD, NOTE, Cell, Table
 
 
 def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> None:
@@ -110,7 +101,7 @@ def check(
         sites = {side: half.as_dict() for side, half in halves.items()}
         echo_json(result.as_dict() | ({"sites": sites} if sites else {}))
     else:
-        by_site = [Section("", ("by --site", ""), list(_halves(halves)))] if halves else []
+        by_site = [Table("", ("by --site", ""), list(_halves(halves)))] if halves else []
         typed = f"tautwave check {shlex.quote(str(rig))}"
         show(check_sections(loaded.name, result, verbose, command=typed, more=by_site))
     ctx.exit(max((result.exit_code, *(half.exit_code for half in halves.values()))))
@@ -137,8 +128,8 @@ def check_sections(
     verbose: bool = False,
     *,
     command: str = "tautwave check RIG",
-    more: Sequence[Section] = (),
-) -> list[Section]:
+    more: Sequence[Table] = (),
+) -> list[Table]:
     """Show a `session.CheckResult` on a screen; `verbose`: all of it. The verdict is last.
 
     `command` is what a user has typed, `more` what stands before the verdict.
@@ -148,14 +139,14 @@ def check_sections(
     facts = [(label, str(value)) for label, value in result.facts]
     if verbose:
         return [
-            Section(name, (), ()),
-            Section("Facts", ("", ""), facts),
-            Section("Pairs", PAIR_HEADS, result.pairs),
-            Section("Axes", AXIS_HEADS, result.axes),
-            Section("Plan", ("element", "", "because"), list(_plan(result.plan))),
-            Section("Allowance", ALLOWANCE_HEADS, result.allowance),
-            Section("Claims", CLAIM_HEADS, list(_claims(result.claims))),
-            Section("Bus time", BUS_HEADS, list(_buses(result.budget, arithmetic=True))),
+            Table(name, (), ()),
+            Table("Facts", ("", ""), facts),
+            Table("Pairs", PAIR_HEADS, result.pairs),
+            Table("Axes", AXIS_HEADS, result.axes),
+            Table("Plan", ("element", "", "because"), list(_plan(result.plan))),
+            Table("Allowance", ALLOWANCE_HEADS, result.allowance),
+            Table("Claims", CLAIM_HEADS, list(_claims(result.claims))),
+            Table("Bus time", BUS_HEADS, list(_buses(result.budget, arithmetic=True))),
             *certificate_sections(result.certificate),
             *more,
             _last(name, result, verbose),
@@ -202,7 +193,7 @@ def _claims(claims: Sequence[Any]) -> Iterator[tuple[str | Cell, ...]]:
         )
 
 
-def _last(name: str, result: Any, verbose: bool) -> Section:
+def _last(name: str, result: Any, verbose: bool) -> Table:
     """Return a line for each failure, and whether the rig may run."""
     more = "--verbose shows all: facts, allowances, claims, bus time, every sentence."
     rows: list[tuple[str | Cell, ...]] = [] if verbose else [(Cell(more, FAINT),)]
@@ -215,14 +206,14 @@ def _last(name: str, result: Any, verbose: bool) -> Section:
         )
         reason = f": {why}" if why else ""
         rows.append((Cell(f"{name}: may not run{reason} (exit code {result.exit_code}).", BAD),))
-    return Section("", ("",), rows)
+    return Table("", ("",), rows)
 
 
-def certificate_sections(certificate: Mapping[str, Any]) -> list[Section]:
+def certificate_sections(certificate: Mapping[str, Any]) -> list[Table]:
     """The three verdicts with their conditions, then the results element by element."""
     verdicts = certificate.get("verdicts")
     if not isinstance(verdicts, Mapping) or not verdicts:
-        return [Section("Certificate", ("", ""), [("passive", verdict(certificate.get("passed")))])]
+        return [Table("Certificate", ("", ""), [("passive", verdict(certificate.get("passed")))])]
     rows: list[tuple[str | Cell, ...]] = []
     for name, judged in verdicts.items():
         required = " (required)" if name == certificate.get("require") else ""
@@ -234,9 +225,9 @@ def certificate_sections(certificate: Mapping[str, Any]) -> list[Section]:
     ]
     loops = [(loop["verdict"]["reason"],) for loop in certificate["loops"]]
     return [
-        Section("Certificate", ("", "", ""), rows),
-        Section("Element by element", ("",), elements),
-        Section("In the loop", ("",), loops),
+        Table("Certificate", ("", "", ""), rows),
+        Table("Element by element", ("",), elements),
+        Table("In the loop", ("",), loops),
     ]
 
 
@@ -277,7 +268,7 @@ def _keep(out: Path, rig: Any, result: Any) -> None:
         panels = haptics(rig)
         data["haptics"] = panels.as_dict()
         chapters = panels.sentences()
-        more = [Section(head, ("",), [(line,) for line in lines]) for head, lines in chapters]
+        more = [Table(head, ("",), [(line,) for line in lines]) for head, lines in chapters]
         said = [*said[:-1], *more, said[-1]]
     make_directory(out)
     write_text(out / "check.json", json.dumps(data, indent=2, ensure_ascii=False) + "\n")

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from tautwave.cli.options import echo_json, json_option
-from tautwave.cli.terminal.show import BAD, Cell, Section, show
+from tautwave.cli.terminal.show import show
+from tautwave.tables import BAD, Cell, Table
 
 if TYPE_CHECKING:
     from tautwave.registry import Installed
@@ -43,7 +44,7 @@ def drivers(as_json: bool) -> None:
     headings = ("name", "package", "description", "missing")
     show(
         [
-            Section(f"{kind.capitalize()}s", headings, [_row(entry) for entry in rows])
+            Table(f"{kind.capitalize()}s", headings, [_row(entry) for entry in rows])
             for kind, rows in installed.items()
             if rows
         ]

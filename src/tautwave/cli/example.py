@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from tautwave.cli.options import echo_json, json_option, out_option
-from tautwave.cli.terminal.show import Section, show
+from tautwave.cli.terminal.show import show
+from tautwave.tables import Table
 
 
 @click.command(short_help="List the shipped rig files, or copy one.")
@@ -35,7 +36,7 @@ def example(name: str | None, out: Path | None, as_json: bool) -> None:
             echo_json([{"name": entry.name, "summary": entry.summary} for entry in examples])
         else:
             rows = [(entry.name, entry.summary) for entry in examples]
-            show([Section("Examples", ("name", "what it shows"), rows)])
+            show([Table("Examples", ("name", "what it shows"), rows)])
         return
     copied = shipped.copy_example(name, Path() if out is None else out)
     if as_json:

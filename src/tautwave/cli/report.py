@@ -172,13 +172,14 @@ def _against(
     import json
 
     from tautwave.canvas import png
-    from tautwave.cli.terminal.show import Section, show
+    from tautwave.cli.terminal.show import show
     from tautwave.files import make_directory, write_bytes, write_text
     from tautwave.recordings.columns import recording_file
     from tautwave.report.against import compare_recording
     from tautwave.report.figures.against import against_figure
     from tautwave.report.run.loading import load_run
     from tautwave.report.units import quantity, significant
+    from tautwave.tables import Table
 
     if not recording_file(file).exists():
         raise RecordingError(f"{file}: no such recording")
@@ -210,10 +211,10 @@ def _against(
     first, last = compared[0].time_s[0], compared[0].time_s[-1]
     show(
         [
-            Section(f"{title}, {first:.3g} to {last:.3g} s", (), ()),
-            Section("", heads, rows),
-            *([Section("Notes", ("",), [(note,) for note in notes])] if notes else []),
-            Section("Files", ("",), [(str(written),), (str(picture),)]),
+            Table(f"{title}, {first:.3g} to {last:.3g} s", (), ()),
+            Table("", heads, rows),
+            *([Table("Notes", ("",), [(note,) for note in notes])] if notes else []),
+            Table("Files", ("",), [(str(written),), (str(picture),)]),
         ]
     )
 

@@ -41,8 +41,9 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
     from tautwave.cli.options import echo_json
     from tautwave.cli.terminal.model_options import parse_model, print_help
     from tautwave.cli.terminal.progress import Progress
-    from tautwave.cli.terminal.show import Section, show
+    from tautwave.cli.terminal.show import show
     from tautwave.registry import load_driver, require_modules
+    from tautwave.tables import Table
 
     plugin = load_driver(driver)
     if plugin.scan_options is None:
@@ -62,7 +63,7 @@ def scan(ctx: click.Context, driver: str | None, as_json: bool, wants_help: bool
         return
     columns = tuple(dict.fromkeys(key for device in devices for key in device))
     rows = [tuple(_cell(device.get(key)) for key in columns) for device in devices]
-    show([Section(f"Devices on {driver}", columns, rows)])
+    show([Table(f"Devices on {driver}", columns, rows)])
 
 
 def _scanned(

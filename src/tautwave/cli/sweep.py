@@ -116,9 +116,10 @@ def default_directory(name: str) -> Path:
 def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
     """Compute the planes of a map file, write and draw them, and report their agreement."""
     from tautwave.cli.terminal.progress import Progress
-    from tautwave.cli.terminal.show import Section, show
+    from tautwave.cli.terminal.show import show
     from tautwave.report.figures.map import write_map_figure
     from tautwave.sweep.map import agreement_sentence, load_map, run_map
+    from tautwave.tables import Table
 
     plan = load_map(file)
     directory = out or default_directory(plan.file.name)
@@ -149,22 +150,22 @@ def draw_map(file: Path, out: Path | None, *, as_json: bool) -> None:
     files = [(str(path),) for path in (result.boundaries, result.points, picture)]
     show(
         [
-            Section(
+            Table(
                 f"{plan.file.name}: {len(result.planes)} planes; every bus simulated in memory",
                 (),
                 (),
             ),
-            Section("Agreement", ("",), rows),
-            Section("Files", ("",), files),
+            Table("Agreement", ("",), rows),
+            Table("Files", ("",), files),
         ]
     )
 
 
 def sweep_sections(sweep: Any, result: Any, rows: list[Any], picture: Path | None) -> list[Any]:
     """Report the number of points, where each case is stable, and where the files are."""
-    from tautwave.cli.terminal.show import NOTE, Section
     from tautwave.report.figures.sweep import curves_of, stability_sentences
     from tautwave.sweep.parquet import NO_PYARROW
+    from tautwave.tables import NOTE, Table
 
     done = len(result.rows)
     headline = f"{sweep.name}: {done} of {result.total} points"
@@ -181,7 +182,7 @@ def sweep_sections(sweep: Any, result: Any, rows: list[Any], picture: Path | Non
     if result.parquet is None and not result.interrupted:
         files.append((NO_PYARROW,))
     return [
-        Section(headline, (), (), NOTE if result.interrupted else "bold"),
-        Section("Stability", ("",), verdicts),
-        Section("Files", ("",), files),
+        Table(headline, (), (), level=NOTE if result.interrupted else ""),
+        Table("Stability", ("",), verdicts),
+        Table("Files", ("",), files),
     ]

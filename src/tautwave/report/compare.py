@@ -22,11 +22,11 @@ from tautwave.report.html import (
 from tautwave.report.joined import joined_page, joined_summary, sites_of
 from tautwave.report.run.loading import load_run
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.tables import Table
 from tautwave.report.run.verdicts import outcome, units_of, verdicts
 from tautwave.report.units import count, microseconds, number, plural, quantity, significant
 from tautwave.summary import Summary, plain_summary
 from tautwave.summary.markup import Markup
+from tautwave.tables import Table, of_numbers
 
 Show = Callable[[Any], str]
 Line = tuple[str, Show, tuple[str, ...]]
@@ -111,7 +111,7 @@ def _body(runs: tuple[Run, Run], labels: tuple[str, str], folder: Path) -> Itera
 def _differences(rows: list[tuple[str, str, str]], labels: tuple[str, str]) -> Markup:
     if not rows:
         return Markup("<p>Nothing.</p>")
-    made = table(Table("", ("key", *labels), tuple(rows)), "text")
+    made = table(Table("", ("key", *labels), tuple(rows)))
     if len(rows) <= 15:
         return made
     return Markup("<details><summary>{}</summary>{}</details>").format(
@@ -271,7 +271,7 @@ def _side_by_side(
             if max(abs(first), abs(second)) <= noise:
                 times = "both zero"
         rows.append((name, show(values[0]), show(values[1]), difference, times))
-    head = ("", *labels, "second − first", "second / first")
+    head = of_numbers("", *labels, "second − first", "second / first")
     return Table(title, head, tuple(rows))
 
 

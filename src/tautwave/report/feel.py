@@ -12,8 +12,8 @@ from tautwave.certificate.haptics.feel import Feel, rig_feel
 from tautwave.config import parse_rig
 from tautwave.errors import ConfigError
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.tables import Table
 from tautwave.report.units import quantity
+from tautwave.tables import Table
 
 
 def feel_of(run: Run) -> dict[str, Feel]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,9 @@ from tautwave.canvas import DARK, INK, PAPER, alone, dark_rules, svg
 from tautwave.canvas.paint import DARK_QUERY
 from tautwave.files import write_text
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.tables import Table
 from tautwave.report.run.verdicts import Verdict, generated, invalidated, warnings
 from tautwave.summary.markup import Markup
+from tautwave.tables import Cell, Table, text_of, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,8 +71,9 @@ th, td { padding: 4px 14px 4px 0; text-align: right; border-bottom: 1px solid va
   vertical-align: top; }
 thead th { color: var(--soft); font-weight: 600; font-size: 13px;
   border-bottom-color: var(--head); }
-th:first-child, td:first-child, table.text th, table.text td, td.text, th.text
-  { text-align: left; }
+td.text, th.text { text-align: left; }
+td.ok { color: var(--ok); } td.note { color: var(--note); } td.bad { color: var(--bad); }
+td.faint { color: var(--soft); }
 td:first-child { font-weight: 500; min-width: 7.5em; overflow-wrap: anywhere; }
 .sides { display: grid; grid-template-columns: 1fr 1fr; gap: 0 40px; }
 .sides .verdict { grid-template-columns: 1fr; }
@@ -168,29 +169,30 @@ def _under(caption: str) -> Markup:
     return Markup("<figcaption>{}</figcaption>").format(caption) if caption else Markup()
 
 
-def table(content: Table, kind: str = "") -> Markup:
-    """A table, or nothing if it has no rows; `kind` is `text` for prose in every column."""
+def table(content: Table) -> Markup:
+    """A table, or nothing if it has no rows."""
     if not content.rows:
         return Markup()
-    text_columns = [
-        i for i in range(len(content.head)) if content.head[i] in ("what it is", "faults", "why")
-    ]
 
-    def cells(row: tuple[str, ...], tag: str) -> Markup:
+    def cells(row: Sequence[str | Cell], tag: str) -> Markup:
         return Markup().join(
-            Markup("<{}{}>{}</{}>").format(
-                tag, Markup(' class="text"') if i in text_columns else "", cell, tag
-            )
-            for i, cell in enumerate(row)
+            Markup("<{}{}>{}</{}>").format(tag, _class(name, cell), text_of(cell), tag)
+            for name, cell in zip(content.columns, row, strict=True)
         )
 
     rows = Markup("\n").join(Markup("<tr>{}</tr>").format(cells(row, "td")) for row in content.rows)
     note = Markup('<p class="note">{}</p>').format(content.note) if content.note else Markup()
-    style = Markup(' class="{}"').format(kind) if kind else Markup()
     caption = Markup("<caption>{}</caption>").format(content.title) if content.title else Markup()
     return Markup(
-        '<div class="wide"><table{}>{}<thead><tr>{}</tr></thead><tbody>{}</tbody></table></div>{}'
-    ).format(style, caption, cells(content.head, "th"), rows, note)
+        '<div class="wide"><table>{}<thead><tr>{}</tr></thead><tbody>{}</tbody></table></div>{}'
+    ).format(caption, cells(titled(content.columns), "th"), rows, note)
+
+
+def _class(column: str, cell: str | Cell) -> Markup:
+    """Return the classes of a cell: those of its column, and of how serious it is."""
+    words = [] if column.startswith(">") else ["text"]
+    words += [cell.level] if isinstance(cell, Cell) and cell.level else []
+    return Markup(' class="{}"').format(" ".join(words)) if words else Markup()
 
 
 def verdict_rows(found: Iterable[Verdict]) -> Markup:

@@ -18,10 +18,10 @@ from tautwave.report.html import file_stem, judged_banners, kept_picture, page, 
 from tautwave.report.run.complete import sensing_gap
 from tautwave.report.run.rebuild import element_books
 from tautwave.report.run.rundir import Run, kind_of, pair_settings
-from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity, ratio
 from tautwave.summary.markup import Markup
 from tautwave.summary.model import Motors, Session
+from tautwave.tables import Table, of_numbers
 
 SIDES = ("master", "slave")
 STEP = 0.05
@@ -311,7 +311,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
     yield table(
         Table(
             "Pairs",
-            (
+            of_numbers(
                 "pair",
                 "position error, rms",
                 "max",
@@ -354,7 +354,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
     for run, side in zip((master, slave), SIDES, strict=True):
         yield Markup("<h2>{}</h2>").format(side)
         yield from judged_banners(run)
-        yield table(session_table(run), "text")
+        yield table(session_table(run))
 
 
 def session_table(run: Run) -> Table:

@@ -10,8 +10,9 @@ from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.tables import MAX_ELEMENTS, Table
+from tautwave.report.run.tables import MAX_ELEMENTS
 from tautwave.report.units import quantity
+from tautwave.tables import Table, of_numbers
 from tautwave_scenes.rig.network import hold_claim, hold_limit
 
 
@@ -60,7 +61,7 @@ def scene_table(run: Run) -> Table:
     heads = ("kinetic", "stored", "lost", "fed", "external force", "port", "by the scheme")
     return Table(
         "Scene, by element",
-        ("element", *heads),
+        of_numbers("element", *heads),
         tuple(rows),
         f"{more} more, {len(elements) - len(touched)} of them without energy, are in summary.json."
         if more > 0

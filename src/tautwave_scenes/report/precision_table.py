@@ -7,10 +7,10 @@ from typing import Any
 
 from tautwave.report.precision.messages import share
 from tautwave.report.run.rundir import block
-from tautwave.report.run.tables import Table
 from tautwave.report.units import number, quantity
+from tautwave.tables import Table, of_numbers
 
-_HEAD = (
+_HEAD = of_numbers(
     *("", "position, rms", "of the travel", "effort, greatest", "effort, rms"),
     *("of the greatest", "level", "alike for"),
 )
@@ -85,7 +85,7 @@ def scene_tables(precision: dict[str, Any]) -> Iterator[Table]:
     yield Table("Scene: differences of nodes and efforts", _HEAD, tuple(rows), _note(precision))
     strings = block(precision, "strings")
     if strings:
-        head = ("string", "asked", "at this rate", "half the rate", "double the rate")
+        head = of_numbers("string", "asked", "at this rate", "half the rate", "double the rate")
         pitches = tuple(
             (name, *(f"{pitch[key]:.5g} Hz" for key in ("asked_hz", "own", "half", "double")))
             for name, pitch in strings.items()

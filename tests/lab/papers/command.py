@@ -10,8 +10,9 @@ from typing import Any
 import click
 
 from tautwave.cli.options import echo_json, json_option, out_option
-from tautwave.cli.terminal.show import BAD, Cell, Section, plain_text, show
+from tautwave.cli.terminal.show import plain_text, show
 from tautwave.errors import TautwaveError
+from tautwave.tables import BAD, Cell, Table
 
 
 @click.command(short_help="Reproduce the figures and tables of the original papers.")
@@ -40,7 +41,7 @@ def papers(ctx: click.Context, name: str | None, out: Path | None, as_json: bool
         if as_json:
             echo_json([{"name": key, "summary": text} for key, text in CHAPTERS.items()])
         else:
-            show([Section("Chapters", ("name", "what it shows"), list(CHAPTERS.items()))])
+            show([Table("Chapters", ("name", "what it shows"), list(CHAPTERS.items()))])
         return
     names = list(CHAPTERS) if name is None else [name]
     chapters = {key: chapter(key) for key in names}
@@ -61,7 +62,7 @@ def papers(ctx: click.Context, name: str | None, out: Path | None, as_json: bool
     if as_json:
         echo_json(data)
     else:
-        show([*sections, Section("Figures", ("",), [(str(path),) for path in drawn])])
+        show([*sections, Table("Figures", ("",), [(str(path),) for path in drawn])])
     differ = [
         f"{key}: {row.what}"
         for key, computed in found.items()
@@ -78,11 +79,11 @@ class DiffersError(TautwaveError):
     exit_code = 1
 
 
-def _section(name: str, computed: Sequence[Any]) -> Section:
+def _section(name: str, computed: Sequence[Any]) -> Table:
     rows: list[tuple[str | Cell, ...]] = []
     for row in computed:
         verdict: str | Cell = "" if row.agrees else Cell("differs", BAD)
         rows.append((row.what, f"{row.obtained:.9g}", f"{row.reference:.9g}", row.unit,
                      row.source, verdict))  # fmt: skip
     heads = ("", ">obtained", ">reference", "unit", "source", "")
-    return Section(name, heads, rows)
+    return Table(name, heads, rows)

@@ -246,10 +246,11 @@ def _place(text: str) -> Place:
 
 
 def _show(found: Sequence[FoundBus]) -> None:
-    from tautwave.cli.terminal.show import Section, show
+    from tautwave.cli.terminal.show import show
+    from tautwave.tables import Table
 
     rows = [(bus.name, str(device.id), device.name) for bus in found for device in bus.devices]
-    show([Section("Devices found", ("bus", "id", "device"), rows)])
+    show([Table("Devices found", ("bus", "id", "device"), rows)])
 
 
 def _asked(given: str | None, option: str, question: str, guess: str) -> str:

@@ -16,7 +16,8 @@ from tautwave.cli.terminal.screen import (
     line_count,
     spanned,
 )
-from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, plain_lines, verdict
+from tautwave.cli.terminal.show import plain_lines, verdict
+from tautwave.tables import BAD, FAINT, GOOD, NOTE, Cell, Table
 
 AXIS_HEADS = ("axis", ">takes", ">velocity", ">prompt", ">stall", ">dead host", "claim")
 """Of an axis: what it may supply while its host is prompt, in one stall, and by a dead host."""
@@ -36,7 +37,7 @@ ROOMS = (Room(8, 3, 2), Room(6, 2, 2), Room(4, 2, 1), Room(2, 1, 1))
 """The first that fits on a screen is taken, else the last."""
 
 
-def short_sections(name: str, result: Any, last: Sequence[Section], command: str) -> list[Section]:
+def short_sections(name: str, result: Any, last: Sequence[Table], command: str) -> list[Table]:
     """Return what a screen has room for of a `session.CheckResult`.
 
     Parameters
@@ -45,17 +46,17 @@ def short_sections(name: str, result: Any, last: Sequence[Section], command: str
         Of the rig.
     result : CheckResult
         The result.
-    last : sequence of Section
+    last : sequence of Table
         What stands at the end in any case, the verdict last.
     command : str
         `tautwave check RIG`, to which what would help is appended.
     """
     for room in ROOMS:
         sections = [
-            Section(name, ("", ""), folded_rows(list(_facts(result)))),
-            Section("", AXIS_HEADS, list(_axes(result, room.rows))),
-            Section("", ("", ""), list(_verdicts(result.certificate))),
-            Section("", ("", ""), list(_advice(result, room, command))),
+            Table(name, ("", ""), folded_rows(list(_facts(result)))),
+            Table("", AXIS_HEADS, list(_axes(result, room.rows))),
+            Table("", ("", ""), list(_verdicts(result.certificate))),
+            Table("", ("", ""), list(_advice(result, room, command))),
             *last,
         ]
         if line_count(sections) <= LINES:
@@ -63,7 +64,7 @@ def short_sections(name: str, result: Any, last: Sequence[Section], command: str
     return [sections[0], _narrow(sections[1]), *sections[2:]]
 
 
-def _narrow(axes: Section) -> Section:
+def _narrow(axes: Table) -> Table:
     """Return the table of axes without columns of dashes; if too wide, without velocities too.
 
     If that is not enough, the names of many joints are their number.
@@ -78,16 +79,16 @@ def _narrow(axes: Section) -> Section:
     return table
 
 
-def _too_wide(table: Section) -> bool:
+def _too_wide(table: Table) -> bool:
     return max(map(len, plain_lines(table)), default=0) > COLUMNS
 
 
 _MANY = re.compile(r"(\w+)\.\S+ to \S+ \((\d+)\)")
 
 
-def _columns(table: Section, kept: Sequence[int]) -> Section:
+def _columns(table: Table, kept: Sequence[int]) -> Table:
     rows = [[row[at] for at in kept] for row in table.rows]
-    return Section(table.title, [table.columns[at] for at in kept], rows)
+    return Table(table.title, [table.columns[at] for at in kept], rows)
 
 
 def _facts(result: Any) -> Iterator[Fact]:
@@ -242,7 +243,7 @@ def _verdicts(certificate: Mapping[str, Any]) -> Iterator[tuple[str | Cell, ...]
         says = verdict(judged["passed"], judged["state"])
         if judged["passed"] and judged["conditions"]:
             count = len(judged["conditions"])
-            says = Cell(f"{says.text}: depends on {count} condition{'s'[: count > 1]}", says.style)
+            says = Cell(f"{says.text}: depends on {count} condition{'s'[: count > 1]}", says.level)
         yield f"{str(name).replace('_', ' ')}{required}", says
 
 

@@ -16,7 +16,7 @@ def _head(what: str) -> tuple[str, str, str, str]:
 
 def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
     """Parameters, lines for the rig file, warnings and files of an identified device."""
-    from tautwave.cli.terminal.show import Section
+    from tautwave.tables import Table
 
     place, effort = units
     fit = result.fit
@@ -36,13 +36,11 @@ def device_sections(result: Any, units: tuple[str, str], picture: Path) -> list[
     how = f"shaken for {result.duration_s:g} s, up to {fit.peak_velocity:.3g} {place}/s"
     key = result.axis.replace(".", ".axes.")
     return [
-        Section(f"{result.axis}: {how}", (), ()),
-        Section("Device", _head("parameter"), rows),
-        Section(f"For {key} in the rig file", ("",), [(t,) for t in _lines_of(result)]),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section(
-            "Files", ("",), [(str(result.directory / "identification.json"),), (str(picture),)]
-        ),
+        Table(f"{result.axis}: {how}", (), ()),
+        Table("Device", _head("parameter"), rows),
+        Table(f"For {key} in the rig file", ("",), [(t,) for t in _lines_of(result)]),
+        Table("Notes", ("",), [(note,) for note in result.notes]),
+        Table("Files", ("",), [(str(result.directory / "identification.json"),), (str(picture),)]),
     ]
 
 
@@ -52,7 +50,7 @@ def _lines_of(result: Any) -> list[str]:
 
 def noise_sections(result: Any, unit: str, picture: Path) -> list[Any]:
     """Step, deviation and colour of an encoder's noise, lines for the rig file, files."""
-    from tautwave.cli.terminal.show import Section
+    from tautwave.tables import Table
 
     fit, series = result.fit, result.series
     step = "unknown" if fit.quantum is None else f"{fit.quantum:.5g}"
@@ -69,17 +67,17 @@ def noise_sections(result: Any, unit: str, picture: Path) -> list[Any]:
     written = picture.with_name("identification.json")
     lines = str(result.as_dict()["snippet"]).splitlines()
     return [
-        Section(head, (), ()),
-        Section("Noise", _head("parameter"), rows),
-        Section("For the axis in the rig file", ("",), [(line,) for line in lines]),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section("Files", ("",), [(str(written),), (str(picture),)]),
+        Table(head, (), ()),
+        Table("Noise", _head("parameter"), rows),
+        Table("For the axis in the rig file", ("",), [(line,) for line in lines]),
+        Table("Notes", ("",), [(note,) for note in result.notes]),
+        Table("Files", ("",), [(str(written),), (str(picture),)]),
     ]
 
 
 def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
     """Parameters of the chosen model, residuals of all, warnings and files."""
-    from tautwave.cli.terminal.show import NOTE, Section
+    from tautwave.tables import NOTE, Table
 
     place, effort = units
     fit = result.chosen
@@ -116,21 +114,21 @@ def contact_sections(result: Any, units: tuple[str, str], picture: Path) -> list
     side = "" if not fit.side else f", in contact {fit.contact_share:.0%} of the time"
     block = result.as_dict()["snippet"]
     return [
-        Section(
+        Table(
             (said if result.found else f"{result.series.source}: no contact found") + side,
-            (), (), "bold" if result.found else NOTE,
+            (), (), level="" if result.found else NOTE,
         ),
-        Section("Fit", _head("parameter"), rows),
-        Section("Models", ("model", ">stiffness", ">residual", ">explained", ""), models),
-        Section("For simulation in a rig file", ("",), [] if block is None else [(block,)]),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section("Files", ("",), [(str(written),), (str(picture),)]),
+        Table("Fit", _head("parameter"), rows),
+        Table("Models", ("model", ">stiffness", ">residual", ">explained", ""), models),
+        Table("For simulation in a rig file", ("",), [] if block is None else [(block,)]),
+        Table("Notes", ("",), [(note,) for note in result.notes]),
+        Table("Files", ("",), [(str(written),), (str(picture),)]),
     ]  # fmt: skip
 
 
 def lever_sections(result: Any, units: tuple[str, str], picture: Path) -> list[Any]:
     """Parameters, encoder, lines for the rig file, warnings and files of a recorded lever."""
-    from tautwave.cli.terminal.show import Section
+    from tautwave.tables import Table
 
     place, effort = units
     fit, series = result.fit, result.series
@@ -154,10 +152,10 @@ def lever_sections(result: Any, units: tuple[str, str], picture: Path) -> list[A
     how = f"{len(series.position)} samples, up to {fit.peak_velocity:.3g} {place or 'units'}/s"
     written = picture.with_name("identification.json")
     return [
-        Section(f"{series.source}: {series.position_name}, {how}", (), ()),
-        Section(f"Lever, moved by {series.effort_name}", _head("parameter"), rows),
-        Section("Encoder", _head("parameter"), encoder),
-        Section("For the axis in the rig file", ("",), [(t,) for t in result.snippet.splitlines()]),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section("Files", ("",), [(str(written),), (str(picture),)]),
+        Table(f"{series.source}: {series.position_name}, {how}", (), ()),
+        Table(f"Lever, moved by {series.effort_name}", _head("parameter"), rows),
+        Table("Encoder", _head("parameter"), encoder),
+        Table("For the axis in the rig file", ("",), [(t,) for t in result.snippet.splitlines()]),
+        Table("Notes", ("",), [(note,) for note in result.notes]),
+        Table("Files", ("",), [(str(written),), (str(picture),)]),
     ]

@@ -27,7 +27,7 @@ def run_load(source: Path, options: Mapping[str, Any]) -> None:
 
 def load_sections(result: Any) -> list[Any]:
     """What was found, what it leaves of the efforts, lines for the rig file, files."""
-    from tautwave.cli.terminal.show import Section
+    from tautwave.tables import Table
 
     rows = []
     for weight in result.weights:
@@ -48,10 +48,10 @@ def load_sections(result: Any) -> list[Any]:
     heads = ("joint", ">effort left, rms", ">versus the rig file", ">Coulomb", ">viscous")
     lines = [(line,) for line in result.snippet.splitlines()]
     return [
-        Section(f"Moved slowly for {result.duration_s:g} s", (), ()),
-        Section("Load", ("joint", "", ">value", ">95 % interval", ">believed"), rows),
-        Section("Joints", heads, left),
-        Section("For the rig file", ("",), lines),
-        Section("Notes", ("",), [(note,) for note in result.notes]),
-        Section("Files", ("",), [(str(result.directory / "identification.json"),)]),
+        Table(f"Moved slowly for {result.duration_s:g} s", (), ()),
+        Table("Load", ("joint", "", ">value", ">95 % interval", ">believed"), rows),
+        Table("Joints", heads, left),
+        Table("For the rig file", ("",), lines),
+        Table("Notes", ("",), [(note,) for note in result.notes]),
+        Table("Files", ("",), [(str(result.directory / "identification.json"),)]),
     ]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import Any
 
 import click
 
 from tautwave.cli.options import echo_json
-from tautwave.cli.terminal.show import BAD, GOOD, NOTE, Cell, Section, show
+from tautwave.cli.terminal.show import show
+from tautwave.tables import BAD, GOOD, NOTE, Cell, Table
 
 
 def print_suites(suites: list[Any], as_json: bool) -> None:
@@ -35,11 +35,10 @@ def _print_table(table: dict[str, Any]) -> None:
     words = {name for name in columns if all(isinstance(row[name], str) for row in rows)}
     heads = [heading(name) if name in words else f">{heading(name)}" for name in columns]
     cells = [[figure(row[name]) for name in columns] for row in rows]
-    show([Section(table["title"], heads, cells)])
-    click.echo(textwrap.indent(textwrap.fill(table["what"], 96), "  "))
+    show([Table(table["title"], heads, cells, table["what"])])
 
 
-def _goal_section(goals: list[dict[str, Any]]) -> Section:
+def _goal_section(goals: list[dict[str, Any]]) -> Table:
     rows: list[list[str | Cell]] = []
     for goal in goals:
         relation = ">=" if goal["at_least"] else "<="
@@ -50,7 +49,7 @@ def _goal_section(goals: list[dict[str, Any]]) -> Section:
         rows.append(
             [f"{goal['name']} {relation} {goal['limit']:g} {goal['unit']}:", measured, verdict]
         )
-    return Section("Goals", ("", "", ""), rows)
+    return Table("Goals", ("", "", ""), rows)
 
 
 def heading(column: str) -> str:

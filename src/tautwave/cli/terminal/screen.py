@@ -6,7 +6,8 @@ import re
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from tautwave.cli.terminal.show import Cell, Section, plain_lines
+from tautwave.cli.terminal.show import plain_lines
+from tautwave.tables import Cell, Table
 
 LINES, COLUMNS = 24, 80
 """Of a terminal as it opens."""
@@ -19,7 +20,7 @@ _COUNTED = re.compile(r"(.*?)(\d+)")
 Row = Sequence[str | Cell]
 
 
-def line_count(sections: Iterable[Section]) -> int:
+def line_count(sections: Iterable[Table]) -> int:
     """Return how many lines `show` prints of sections."""
     filled = [section for at, section in enumerate(sections) if section.rows or at == 0]
     return sum(len(list(plain_lines(section))) for section in filled) + len(filled) - 1

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import click
 
 from tautwave.cli.terminal.streams import escaped, suppress_output_errors
+from tautwave.tables import BAD, FAINT, GOOD, NOTE, Cell, Level, Table, text_of, titled
 
-GOOD, BAD, NOTE, FAINT = "green", "bold red", "yellow", "dim"
+STYLES: dict[Level, str] = {
+    "": "",
+    "ok": "green",
+    "note": "yellow",
+    "bad": "bold red",
+    "faint": "dim",
+}
+WIDE = 96
+"""Columns of a note below a table."""
 
 
 def printable(text: str, most: int = 1000) -> str:
@@ -20,23 +29,7 @@ def printable(text: str, most: int = 1000) -> str:
     return shown if len(shown) <= most else f"{shown[: most - 3]}..."
 
 
-class Cell(NamedTuple):
-    """Text with a colour. Use sparingly: most text is a plain str."""
-
-    text: str
-    style: str
-
-
-class Section(NamedTuple):
-    """A titled table. A column whose name begins with '>' is right-aligned."""
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str | Cell]]
-    style: str = "bold"
-
-
-def show(sections: Sequence[Section]) -> None:
+def show(sections: Sequence[Table]) -> None:
     """Print the non-empty sections on stdout; the first one is the headline."""
     filled = _filled(sections)
     with suppress_output_errors(sys.stdout, BrokenPipeError):
@@ -50,12 +43,12 @@ def show(sections: Sequence[Section]) -> None:
                 click.echo(line)
 
 
-def plain_lines(section: Section) -> Iterator[str]:
+def plain_lines(section: Table) -> Iterator[str]:
     """`section` as aligned text, with our own text in ASCII."""
     if section.title:
         yield plain(escaped(section.title))
     rows = [[plain(_text(cell)) for cell in row] for row in section.rows]
-    headers = [name.lstrip(">") for name in section.columns]
+    headers = titled(section.columns)
     if any(headers):
         rows.insert(0, headers)
     rows = [line for row in rows for line in _lines(row)]
@@ -66,15 +59,20 @@ def plain_lines(section: Section) -> Iterator[str]:
             for text, width, name in zip(row, widths, section.columns, strict=True)
         ]
         yield ("  " + "  ".join(cells)).rstrip()
+    yield from _note(section)
 
 
-def plain_text(sections: Sequence[Section]) -> str:
+def plain_text(sections: Sequence[Table]) -> str:
     """Return the non-empty sections as plain text, as `show` prints them."""
     parts = [list(plain_lines(section)) for section in _filled(sections)]
     return "\n\n".join("\n".join(lines) for lines in parts) + "\n"
 
 
-def _filled(sections: Sequence[Section]) -> list[Section]:
+def _note(section: Table) -> list[str]:
+    return textwrap.indent(textwrap.fill(escaped(section.note), WIDE), "  ").splitlines()
+
+
+def _filled(sections: Sequence[Table]) -> list[Table]:
     return [section for at, section in enumerate(sections) if section.rows or at == 0]
 
 
@@ -100,33 +98,39 @@ def plain(text: str) -> str:
 
 
 def _text(cell: str | Cell) -> str:
-    return escaped(cell.text if isinstance(cell, Cell) else cell)
+    return escaped(text_of(cell))
 
 
-def _show_rich(sections: Sequence[Section]) -> None:
+def _style(cell: str | Cell) -> str:
+    return STYLES[cell.level] if isinstance(cell, Cell) else ""
+
+
+def _show_rich(sections: Sequence[Table]) -> None:
     from rich.console import Console
     from rich.padding import Padding
-    from rich.table import Table
+    from rich.table import Table as Printed
     from rich.text import Text
 
     console = Console(highlight=False)
     for section in sections:
         if section.title:
-            console.print(Text(escaped(section.title), style=section.style))
+            console.print(Text(escaped(section.title), style=f"bold {STYLES[section.level]}"))
         if not section.rows:
             continue
         named = any(name.strip(">") for name in section.columns)
-        table = Table(box=None, show_header=named, header_style=FAINT, padding=(0, 2, 0, 0))
+        table = Printed(
+            box=None, show_header=named, header_style=STYLES[FAINT], padding=(0, 2, 0, 0)
+        )
         for name in section.columns:
             right = name.startswith(">")
             table.add_column(
-                name.lstrip(">"), justify="right" if right else "left", overflow="fold"
+                name.removeprefix(">"), justify="right" if right else "left", overflow="fold"
             )
         for row in section.rows:
-            table.add_row(
-                *(Text(_text(c), style=c.style if isinstance(c, Cell) else "") for c in row)
-            )
+            table.add_row(*(Text(_text(cell), style=_style(cell)) for cell in row))
         console.print(Padding(table, (0, 0, 1, 2)))
+        for line in _note(section):
+            console.print(Text(line))
 
 
 def verdict(passed: bool | None, state: str | None = None) -> Cell:

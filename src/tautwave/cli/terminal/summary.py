@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tautwave.cli.terminal.screen import NUMBER, as_one, axes_named, folded, spanned
-from tautwave.cli.terminal.show import BAD, FAINT, GOOD, NOTE, Cell, Section, printable, verdict
+from tautwave.cli.terminal.show import printable, verdict
 from tautwave.report.books import books_closed
 from tautwave.report.calm import CHATTER_THRESHOLD, worst_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
@@ -16,6 +16,7 @@ from tautwave.runtime.operate.journal import said_of
 from tautwave.summary import Summary
 from tautwave.summary.ending import eventful, events, first_cause, generated, outcome
 from tautwave.summary.model import Certificate, Pair
+from tautwave.tables import BAD, FAINT, GOOD, NOTE, Cell, Table
 
 PAGE = "report.html"
 FILES = (PAGE, "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
@@ -36,7 +37,7 @@ def summary_sections(
     drawing: bool = False,
     *,
     verbose: bool = True,
-) -> list[Section]:
+) -> list[Table]:
     """Return what a terminal says of a run.
 
     Outcome and what happened, tracking, devices, whether claims, certificate and books hold, and
@@ -46,27 +47,27 @@ def summary_sections(
     if not verbose:
         return _screen(name, summary, directory, exit_code, drawing)
     motion = [
-        Section("Tracking", TRACKING_HEADS, list(_tracking(summary))),
-        Section("Link", LINK_HEADS, list(_link(summary))),
-        Section("Energy books", ("", ">", ""), list(_books(summary))),
-        Section("Timing", ("", ">p50", ">p99", ">p99.9", ">max"), list(_timing(summary))),
+        Table("Tracking", TRACKING_HEADS, list(_tracking(summary))),
+        Table("Link", LINK_HEADS, list(_link(summary))),
+        Table("Energy books", ("", ">", ""), list(_books(summary))),
+        Table("Timing", ("", ">p50", ">p99", ">p99.9", ">max"), list(_timing(summary))),
     ]
     operated = summary.operation is not None
     unwatched = list(_unwatched(summary))
     return [
         _headline(name, summary, exit_code),
-        *([Section("Operation", ("", ""), list(_operation(summary)))] * operated),
+        *([Table("Operation", ("", ""), list(_operation(summary)))] * operated),
         *(motion if summary.cycles != 0 else ()),
-        Section("Devices", ("", ">lost", ">late", "faults"), list(_devices(summary))),
-        *([Section("No watchdog", ("", ""), unwatched)] if unwatched else ()),
-        Section("Unused elements", ("", ""), list(_left_out(summary))),
-        Section("Files", ("",), list(_files(summary, directory, drawing))),
+        Table("Devices", ("", ">lost", ">late", "faults"), list(_devices(summary))),
+        *([Table("No watchdog", ("", ""), unwatched)] if unwatched else ()),
+        Table("Unused elements", ("", ""), list(_left_out(summary))),
+        Table("Files", ("",), list(_files(summary, directory, drawing))),
     ]
 
 
 def _screen(
     name: str, summary: Summary, directory: Path, exit_code: int, drawing: bool
-) -> list[Section]:
+) -> list[Table]:
     head = _headline(name, summary, exit_code)
     notes = list(head.rows)
     if len(notes) > MAX_NOTES:
@@ -82,11 +83,11 @@ def _screen(
     began = summary.cycles != 0
     return [
         head,
-        Section("", TRACKING_HEADS, tracking if began else []),
-        Section("", LINK_HEADS, list(_link(summary))[:MAX_PAIRS] if began else []),
-        Section("", ("device", ">lost", ">late", "faults"), devices),
-        Section("", ("", ""), [*(_judged(summary) if began else ()), *_silent(summary)]),
-        Section("", ("",), list(_page(summary, directory, drawing))),
+        Table("", TRACKING_HEADS, tracking if began else []),
+        Table("", LINK_HEADS, list(_link(summary))[:MAX_PAIRS] if began else []),
+        Table("", ("device", ">lost", ">late", "faults"), devices),
+        Table("", ("", ""), [*(_judged(summary) if began else ()), *_silent(summary)]),
+        Table("", ("",), list(_page(summary, directory, drawing))),
     ]
 
 
@@ -123,7 +124,7 @@ def _judged(summary: Summary) -> Iterator[Sequence[str | Cell]]:
             yield "motors gave", Cell(text, BAD)
     certificate = summary.certificate
     says = _after_run(certificate)
-    yield "certificate", Cell(f"{certificate.require.replace('_', ' ')}: {says.text}", says.style)
+    yield "certificate", Cell(f"{certificate.require.replace('_', ' ')}: {says.text}", says.level)
     above = set(generated(summary))
     notes = [one for one in _certificate_notes(certificate) if one not in above]
     for sentence in notes[:MAX_NOTES]:
@@ -194,7 +195,7 @@ def _files(summary: Summary, directory: Path, drawing: bool) -> Iterator[Sequenc
             yield (Cell(f"{directory / file} (being drawn)", FAINT),)
 
 
-def _headline(name: str, summary: Summary, exit_code: int) -> Section:
+def _headline(name: str, summary: Summary, exit_code: int) -> Table:
     word, sentence = outcome(summary, exit_code)
     parts = [f"{name}: {word}"]
     if summary.cycles is not None:
@@ -216,8 +217,8 @@ def _headline(name: str, summary: Summary, exit_code: int) -> Section:
     if lost:
         notes.append(Cell(f"{lost[0].upper()}{lost[1:]}.", BAD))
     good = word != "interrupted" and not eventful(summary)
-    style = f"bold {GOOD if good else NOTE}" if exit_code == 0 else BAD
-    return Section(", ".join(parts), ("",), [(note,) for note in notes], style)
+    level = BAD if exit_code else GOOD if good else NOTE
+    return Table(", ".join(parts), ("",), [(note,) for note in notes], level=level)
 
 
 def _operation(summary: Summary) -> Iterator[Sequence[str | Cell]]:

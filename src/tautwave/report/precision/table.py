@@ -10,11 +10,11 @@ from tautwave.config.keys.control import SCENE
 from tautwave.report.precision.messages import share
 from tautwave.report.run.page_hooks import page_hooks
 from tautwave.report.run.rundir import Run, axis_kind, block
-from tautwave.report.run.tables import Table
 from tautwave.report.units import axis_units, number, quantity
 from tautwave.summary import Summary
+from tautwave.tables import Table, of_numbers
 
-_HEAD = ("", "position, greatest", "of the travel", "effort, greatest", "of the greatest")
+_HEAD = of_numbers("", "position, greatest", "of the travel", "effort, greatest", "of the greatest")
 STOPPED = ("interrupted", "safety_stop", "fault")
 _NAMES = {
     "oracle": "devices moved by the oracle",
@@ -165,6 +165,8 @@ def _hardware(run: Run, pair: str, found: dict[str, Any]) -> Table:
             gap = number(other.get("effort_rms"))
             cells.append(f"{quantity(gap, unit, 3)} ({share(gap, greatest)})")
         rows.append((f"{side}.{pair}", *cells))
-    head = ("axis", "greatest effort", "replayed", "half the rate, rms", "double the rate, rms")
+    head = of_numbers(
+        "axis", "greatest effort", "replayed", "half the rate, rms", "double the rate, rms"
+    )
     title = f"Pair {pair}: discretisation of its laws on the recorded positions"
     return Table(title, head, tuple(rows))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.tables import Table
 from tautwave.report.units import count, plural, quantity
 from tautwave.runtime.operate.journal import said_of
 from tautwave.summary.model import Operation
 from tautwave.summary.repeats import collapsed
+from tautwave.tables import Table
 
 MOST = 60
 """Entries of the journal that a page has; summary.json has all."""

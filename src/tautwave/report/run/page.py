@@ -111,8 +111,8 @@ def _motion(run: Run) -> Iterator[Part]:
 def _operation(run: Run) -> Iterator[Part]:
     if run.result.operation is not None:
         yield Markup('<h2 id="operation">Operation</h2>')
-        yield table(episode_table(run), "text")
-        yield table(journal_table(run), "text")
+        yield table(episode_table(run))
+        yield table(journal_table(run))
 
 
 def _arms(run: Run) -> Iterator[Part]:
@@ -177,7 +177,7 @@ def _link(run: Run) -> Iterator[Markup]:
         from tautwave.report.joined import session_table
 
         yield Markup('<h2 id="link">Other site</h2>')
-        yield table(session_table(run), "text")
+        yield table(session_table(run))
 
 
 def _books(run: Run) -> Iterator[Markup]:
@@ -207,7 +207,7 @@ def _certificate(run: Run) -> Iterator[Part]:
 
     felt = feel_of(run)
     if felt:
-        yield table(feel_table(felt), "text")
+        yield table(feel_table(felt))
 
 
 def _timing(run: Run) -> Iterator[Part]:
@@ -237,8 +237,8 @@ def _timing(run: Run) -> Iterator[Part]:
 def _axes(run: Run) -> Iterator[Markup]:
     yield Markup('<h2 id="axes">Axes</h2>')
     yield table(tables.axis_table(run)) or Markup('<p class="note">No counts were recorded.</p>')
-    yield table(tables.watch_table(run), "text")
-    yield table(tables.way_table(run), "text")
+    yield table(tables.watch_table(run))
+    yield table(tables.way_table(run))
     yield from _buses(run)
 
 
@@ -254,9 +254,8 @@ def _buses(run: Run) -> Iterator[Markup]:
 def _contents(run: Run) -> Iterator[Markup]:
     yield Markup('<h2 id="contents">Used and unused elements</h2>')
     both = (
-        table(tables.included_table(run), "text"),
-        table(tables.left_out_table(run), "text")
-        or Markup('<p class="note">All elements are used.</p>'),
+        table(tables.included_table(run)),
+        table(tables.left_out_table(run)) or Markup('<p class="note">All elements are used.</p>'),
     )
     yield Markup('<div class="columns"><div>{}</div><div>{}</div></div>').format(both[0], both[1])
 

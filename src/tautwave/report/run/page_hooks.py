@@ -9,7 +9,7 @@ from tautwave import registry
 from tautwave.config.keys.control import SCENE
 from tautwave.report.run.parts import Part
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.tables import Table
+from tautwave.tables import Table
 
 
 class PageHooks(Protocol):

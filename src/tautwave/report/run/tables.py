@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from tautwave.report.claims import kept_claims
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
 from tautwave.report.run.views import PairView
 from tautwave.report.units import MISSING, count, microseconds, quantity
 from tautwave.summary.model import Axis, Size
+from tautwave.tables import Table, of_numbers
 
 MAX_CONTACTS = 12
 MAX_ELEMENTS = 40
-
-
-class Table(NamedTuple):
-    """`head` and `rows` hold text; the first column is left-aligned; `note` is printed below."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
 
 
 ELEMENT = {
@@ -49,6 +39,9 @@ _PLANT = {
 }
 
 
+STORES = (">absorbed", ">stored at the end", ">dissipated", ">generated")
+
+
 def element_table(run: Run) -> Table:
     """What every controller element absorbed, stored, dissipated and generated."""
     rows: list[tuple[str, ...]] = []
@@ -62,7 +55,7 @@ def element_table(run: Run) -> Table:
             rows.append((f"{pair}: {label}" if several else label, what, *cells))
     return Table(
         "Controller, by element",
-        ("element", "description", "absorbed", "stored at the end", "dissipated", "generated"),
+        ("element", "description", *STORES),
         tuple(rows),
         "Each element keeps its own energy account from measured positions and applied forces. "
         "Generated is the largest energy that it ever supplied beyond what it had received, to "
@@ -86,7 +79,7 @@ def books_table(run: Run) -> Table:
         "plant_residual": "residual of the plant's books (simulation only)",
     }
     rows = [(text, quantity(energy[key], "J")) for key, text in named.items() if key in energy]
-    return Table("Both books", ("account", "energy"), tuple(rows))
+    return Table("Both books", ("account", ">energy"), tuple(rows))
 
 
 def claim_table(run: Run) -> Table:
@@ -104,13 +97,8 @@ def claim_table(run: Run) -> Table:
     )
     return Table(
         "Ports, against their claims",
-        (
-            "port",
-            "claim, as seen",
-            "claim, actual",
-            "supplied",
-            "external impact",
-            "verdict",
+        of_numbers(
+            *("port", "claim, as seen", "claim, actual", "supplied", "external impact", "verdict")
         ),
         rows,
         "As seen: by the encoder, for any hand, noise and device of at least inertia.lower. "
@@ -137,7 +125,7 @@ def plant_table(run: Run) -> Table:
     )
     return Table(
         "Plant, from the simulation's true states",
-        ("account", *axes),
+        of_numbers("account", *axes),
         rows,
         "Known in simulation only; hardware runs have no such table.",
     )
@@ -177,7 +165,7 @@ def contact_table(view: PairView) -> list[Table]:
             )
             for contact in shown
         )
-        head = ("start", "duration", "peak effort", "peak depth")
+        head = of_numbers("start", "duration", "peak effort", "peak depth")
         tables.append(Table(f"{title}: {count(len(contacts))}", head, rows, note))
     return tables
 
@@ -210,7 +198,7 @@ def tracking_table(run: Run) -> Table:
     note = "Behind the line: the slave relative to the master's position one line delay earlier."
     return Table(
         "Errors between master and slave, in the master's units",
-        tuple(head),
+        of_numbers(*head),
         tuple(rows),
         note if late else "",
     )
@@ -233,7 +221,7 @@ def timing_table(run: Run) -> Table:
         )
         for text, percentiles in named.items()
     )
-    return Table("Times", ("", "p50", "p99", "p99.9", "max"), rows)
+    return Table("Times", of_numbers("", "p50", "p99", "p99.9", "max"), rows)
 
 
 def loop_table(run: Run) -> Table:
@@ -249,7 +237,7 @@ def loop_table(run: Run) -> Table:
         ("rows recorded", count(written)),
         ("rows dropped", count(recording.rows_dropped)),
     ]
-    return Table("Counts", ("", "value"), tuple(rows))
+    return Table("Counts", ("", ">value"), tuple(rows))
 
 
 def axis_table(run: Run) -> Table:
@@ -258,7 +246,7 @@ def axis_table(run: Run) -> Table:
         (name, count(axis.lost), count(axis.late), _faults(axis))
         for name, axis in run.result.axes.items()
     )
-    return Table("Axes", ("axis", "samples lost", "samples late", "faults"), rows)
+    return Table("Axes", ("axis", ">samples lost", ">samples late", "faults"), rows)
 
 
 def watch_table(run: Run) -> Table:
