@@ -14,6 +14,10 @@ from tautwave.contracts import BytePort, Clock
 class Unechoed:
     """A serial port without its own echo, once `echoes` is set; else as it is.
 
+    An echo that is disturbed is still one: as many bytes are taken out, whatever they are, until
+    the next write. Else what is left of an instruction would be read as an answer. Where bytes of
+    it were lost, those of an answer go in their place, which then has a wrong checksum.
+
     Parameters
     ----------
     port : BytePort
@@ -23,11 +27,15 @@ class Unechoed:
     def __init__(self, port: BytePort) -> None:
         self._port = port
         self._expected = bytearray()
+        self._disturbed = False
         self.echoes = False
 
     def write(self, data: bytes) -> None:
         """Send bytes; raises what the port does."""
         if self.echoes:
+            if self._disturbed:
+                self._expected.clear()  # what is still due of that one will not come
+                self._disturbed = False
             self._expected += data
         self._port.write(data)
 
@@ -37,11 +45,9 @@ class Unechoed:
         if not self._expected:
             return data
         count = min(len(data), len(self._expected))
-        if data[:count] == self._expected[:count]:
-            del self._expected[:count]
-            return data[count:]
-        self._expected.clear()  # disturbed by another that spoke: nothing of it is credible
-        return data
+        self._disturbed = self._disturbed or data[:count] != self._expected[:count]
+        del self._expected[:count]
+        return data[count:]
 
     def close(self) -> None:
         """Close the port."""

@@ -149,6 +149,26 @@ def test_what_befalls_a_motor_in_contact_takes_its_damper_too(
     assert motor.axis.physics.motor_work == before  # neither effort nor damper
 
 
+def test_a_watchdog_that_fires_in_contact_ends_the_run_and_the_motor_pushes_no_more() -> None:
+    """The host stalls for longer than the motors wait, while the slave is in its wall."""
+    data = damped(watchdog_s=0.003)  # three periods
+    data["coupling"]["pairs"]["lever"]["wall_slave"]["position"] = -0.001  # in contact at once
+    data["coupling"]["engage_ramp_s"] = 0.02
+    data["loop"]["overrun_limit"] = 50
+    faults = {"overrun_probability": 0.01, "overrun_slots": 6}
+    data["simulation"]["faults"] = faults
+    run = run_rig(data, raises=False, duration_s=0.5)
+    assert "no command in time" in str(run.result.error)
+    assert run["slave.lever.wall_effort"].max() > 0.0  # it was in contact
+    for motor in run.assembly.simulators[0].world.motors:
+        assert motor.state in (0, 0xD)
+        assert motor.torque == 0.0
+        before = motor.axis.physics.motor_work
+        motor.axis.physics.v = 1.0
+        motor.pass_slot()
+        assert motor.axis.physics.motor_work == before
+
+
 def at_wall(wall: float = 60.0, **options: Any) -> Tree:
     data = damped(0.1, wall, **options)
     for one in data["buses"]["can"]["options"]["motors"]:
