@@ -1,14 +1,16 @@
-"""Motors in MIT mode on CAN and CAN FD: one frame commands and asks, one answers (Damiao)."""
+"""Motors whose frame commands and asks, on CAN and CAN FD: Damiao in MIT mode, and RobStride."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from tautwave.contracts import CycleCost, DriverPlugin
+from tautwave.contracts import BusSpec, Clock, CycleCost, Driver, DriverPlugin
 from tautwave_drivers.can.places import can_endpoint
 from tautwave_drivers.mit.budget import budget
 from tautwave_drivers.mit.driver import MitDriver
 from tautwave_drivers.mit.options import MitOptions, facts
+from tautwave_drivers.mit.robstride_driver import RobstrideDriver
 from tautwave_drivers.mit.scan import ScanOptions, scan
 from tautwave_drivers.mit.survey import survey
 
@@ -19,14 +21,21 @@ def _measure(cycles: int) -> Sequence[CycleCost]:
     return measure(cycles)
 
 
+def make(options: MitOptions, bus: BusSpec, clock: Clock, transport: Any) -> Driver:
+    """Return the driver of the family that the options name."""
+    if options.family == "robstride":
+        return RobstrideDriver(options, bus, clock, transport)
+    return MitDriver(options, bus, clock, transport)
+
+
 plugin = DriverPlugin(
     options=MitOptions,
-    make=MitDriver,
+    make=make,
     budget=budget,
     scan=scan,
     needs=("can",),
     hardware=True,
-    summary="motors in MIT mode on CAN and CAN FD (Damiao)",
+    summary="motors in MIT mode on CAN and CAN FD (Damiao), RobStride",
     facts=facts,
     scan_options=ScanOptions,
     measure=_measure,
@@ -34,4 +43,4 @@ plugin = DriverPlugin(
     survey=survey,
 )
 
-__all__ = ["MitDriver", "MitOptions", "ScanOptions", "plugin"]
+__all__ = ["MitDriver", "MitOptions", "RobstrideDriver", "ScanOptions", "make", "plugin"]

@@ -12,7 +12,8 @@ BYTES = 8
 
 def exchange_s(options: MitOptions, bus: BusSpec) -> float:
     """Return the worst-case time of a cycle's frames, through the adapter [s]."""
-    wire = 2 * len(bus.axes) * frame_s(BYTES, options.bitrate, options.data_bitrate)
+    rates, extended = (options.bitrate, options.data_bitrate), options.family == "robstride"
+    wire = 2 * len(bus.axes) * frame_s(BYTES, *rates, extended=extended)
     return wire + latency_s(options)
 
 
@@ -24,9 +25,13 @@ def budget(options: MitOptions, bus: BusSpec) -> Budget:
     exchange = exchange_s(options, bus)
     share = min(READ_SHARE, 1.0 - options.reserve)
     greatest = share / exchange
+    extended = options.family == "robstride"
+    each = arithmetic(BYTES, bitrate, data)
+    if extended:
+        each = f"{BYTES} bytes: {frame_s(BYTES, bitrate, extended=True) * 1e6:.5g} us"
     lines = [
-        f"{kind}, {bitrate / 1e6:g} Mbit/s, 11-bit ids, worst-case stuffing",
-        f"command or answer: {arithmetic(BYTES, bitrate, data)}",
+        f"{kind}, {bitrate / 1e6:g} Mbit/s, {29 if extended else 11}-bit ids, worst-case stuffing",
+        f"command or answer: {each}",
         f"{len(bus.axes)} motors x 2 frames: {exchange * 1e6:.5g} us; a command is the request",
         *latency_lines(options),
         f"all answers are in after {share:.0%} of a period: at most {greatest:.0f} Hz",
@@ -36,7 +41,7 @@ def budget(options: MitOptions, bus: BusSpec) -> Budget:
     if bitrate < 1_000_000:
         faster = options.model_copy(update={"bitrate": 1_000_000})
         ways.append(f"bitrate 1000000 ({share / exchange_s(faster, bus):.0f} Hz)")
-    if data is None:
+    if data is None and not extended:
         fd = options.model_copy(update={"bitrate": 1_000_000, "data_bitrate": 5_000_000})
         ways.append(f"data_bitrate 5000000, CAN FD ({share / exchange_s(fd, bus):.0f} Hz)")
     if len(bus.axes) > 1:

@@ -19,6 +19,9 @@ from tautwave_drivers.mit import damiao
 Positive = Annotated[float, Field(gt=0.0)]
 StandardId = Annotated[int, Field(ge=1, le=0x7FF)]
 
+MAX_ROBSTRIDE_ID, MAX_HOST = 127, 0xFD
+"""Ids of RobStride's motors, and of their host: beyond it are broadcasts."""
+
 MIN_PERIODS = 3
 """Of the bus, that a motor's own watchdog has to wait: one late frame is no fault."""
 
@@ -29,15 +32,16 @@ class Motor(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     id: StandardId
-    """ESC_ID, register 8: what it listens to."""
+    """ESC_ID, register 8: what it listens to. RobStride: its id, up to 127."""
     feedback_id: StandardId
-    """MST_ID, register 7: what it answers with; its own, and not 0."""
+    """MST_ID, register 7: what it answers with; its own, and not 0. RobStride: the id of the host,
+    such as 0xFD, the same for all."""
     p_max: Positive
-    """[rad] PMAX, register 21; compared."""
+    """[rad] PMAX, register 21; compared. RobStride: the model's, held against its position."""
     v_max: Positive
-    """[rad/s] VMAX, register 22; compared."""
+    """[rad/s] VMAX, register 22; compared. RobStride: the model's, of records only."""
     t_max: Positive
-    """[N m] TMAX, register 23; compared."""
+    """[N m] TMAX, register 23; compared. RobStride: the model's, held against its torque limit."""
     direction: Literal[1, -1] = 1
     """-1 where the motor turns against the axis."""
     zero: float = 0.0
@@ -60,11 +64,11 @@ class Motor(BaseModel):
 class MitOptions(CanKeys):
     """Options of a bus of MIT motors."""
 
-    family: Literal["damiao"] = "damiao"
-    """Whose frames and registers."""
+    family: Literal["damiao", "robstride"] = "damiao"
+    """Whose frames and registers: Damiao's MIT frames, or RobStride's private protocol."""
     watchdog_s: Annotated[float, Field(ge=0.001, le=10.0)] = 0.1
     """[s] TIMEOUT, register 9: a motor that hears nothing for that long switches its torque off.
-    Written at every start, until its power is switched off."""
+    Written at every start, until its power is switched off. RobStride: its CAN timeout, 0x7028."""
     clear_errors: bool = False
     """Clear an error that a motor reports at the start."""
     reserve: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
@@ -180,7 +184,9 @@ def motors_of(options: MitOptions, bus: BusSpec) -> list[Motor]:
         if motor is None:
             needed = "the ranges that `tautwave scan mit` shows"
             problems.append(unlisted(bus, axis, "motor", known, needed))
-        elif problem := _axis_problem(axis, motor):
+        elif problem := (
+            _robstride_problem(motor) if options.family == "robstride" else ""
+        ) or _axis_problem(axis, motor):
             problems.append(f"bus {bus.name}: {axis.name}{problem}")
     problems += unused(bus, "motor", known)
     if problems:
@@ -188,9 +194,40 @@ def motors_of(options: MitOptions, bus: BusSpec) -> list[Motor]:
     return [known[axis.device_id] for axis in bus.axes]
 
 
+def _robstride_problem(motor: Motor) -> str:
+    """Return what of a motor is not for RobStride's frames, '' if all is."""
+    if motor.damping > 0.0:
+        return (
+            f": motor {motor.id} has damping, but RobStride's firmware may take it for 1.4167 "
+            "times as much and does not say which it is; remove damping"
+        )
+    if motor.id > MAX_ROBSTRIDE_ID:
+        return f": motor {motor.id}: RobStride's ids end at {MAX_ROBSTRIDE_ID}; use its own"
+    return ""
+
+
+def _robstride_bus(options: MitOptions) -> list[str]:
+    """Return what is wrong with a bus of RobStride motors."""
+    problems = []
+    if options.data_bitrate is not None:
+        problems.append("RobStride's motors speak classic CAN only; remove data_bitrate")
+    hosts = sorted({motor.feedback_id for motor in options.motors})
+    if len(hosts) > 1 or not hosts[0] <= MAX_HOST:
+        problems.append(
+            "feedback_id of RobStride's motors is the host's id, one for all of them and at most "
+            f"{MAX_HOST:#x}; use 0xFD (got {', '.join(map(hex, hosts))})"
+        )
+    return problems
+
+
 def _ids_problems(options: MitOptions) -> list[str]:
     """Return what is wrong with the ids of a bus."""
     ids = [motor.id for motor in options.motors]
+    if options.family == "robstride":
+        return [
+            *(f"motor {n} is listed twice in options.motors" for n in {*ids} if ids.count(n) > 1),
+            *_robstride_bus(options),
+        ]
     feedback = [motor.feedback_id for motor in options.motors]
     heard = {offset + number: number for number in ids for offset in damiao.OFFSETS}
     problems = [
@@ -253,5 +290,8 @@ def facts(options: MitOptions, bus: BusSpec) -> Sequence[AxisFacts]:
     found = []
     for motor in motors_of(options, bus):
         scale = scale_of(motor)
-        found.append(AxisFacts(scale.position, scale.torque, 0.0, damper_of(motor)))
+        torque = scale.torque
+        if options.family == "robstride":
+            torque = 2.0 * motor.t_max / damiao.POSITION_TOP  # 16 bits as well
+        found.append(AxisFacts(scale.position, torque, 0.0, damper_of(motor)))
     return found

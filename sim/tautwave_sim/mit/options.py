@@ -85,11 +85,14 @@ class SimulatedMitOptions(_Shared):
     channel: str = "can0"
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000
     data_bitrate: Annotated[int, Field(gt=0)] | None = None
+    family: str = "damiao"
     motors: Annotated[tuple[MotorKeys, ...], Listed]
     simulator: SimulatorKeys = SimulatorKeys()
 
     @model_validator(mode="after")
     def _motors_exist(self) -> SimulatedMitOptions:
+        if self.family != "damiao":
+            raise ValueError(f"simulated motors are Damiao's; none are of family {self.family}")
         unknown = sorted(set(self.simulator.motors) - {motor.id for motor in self.motors})
         if unknown:
             raise ValueError(f"simulator.motors names motor {unknown[0]}, not listed in motors")
