@@ -122,7 +122,7 @@ def carry(
     positions: Sequence[float], p: LoadParams, step: float = np.inf, **more: Any
 ) -> tuple[Recorded, SideLoad]:
     axis = CarriedAxis(
-        "slave.a", **{"reserve": 10.0, "quantum": 0.0, **more}, step=step, delay=0, late=0.0
+        "slave.a", **{"reserve": 10.0, "quantum": 0.0, "late": 0.0, **more}, step=step, delay=0
     )
     side = SideLoad("slave", [axis], lambda x: ([-load_effort(p, x[0])], load_energy(p, x[0])))
     inner = Recorded(positions)
@@ -141,6 +141,15 @@ def test_the_load_is_held_as_it_will_be_half_way() -> None:
     assert inner.written[0][0].effort == pytest.approx(0.25 - load_effort(p, 0.1), abs=1e-15)
     assert inner.written[1][0].effort == pytest.approx(0.25 - load_effort(p, 0.16), abs=1e-15)
     assert inner.written[2][0] is SAFE_COMMAND
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5])
+def test_a_weightless_load_books_nothing_however_late_efforts_act(late: float) -> None:
+    _, side = carry([0.0, 0.1, 0.3, 0.2], LoadParams(0.0, 0.0, 0.0), late=late)
+    row = [1.0] * len(side.columns)
+    side.fill(row, 0)
+    booked = dict(zip(side.columns, row, strict=True))
+    assert booked["load.slave.a.effort"] == booked["load.slave.a.energy"] == 0.0
 
 
 def test_what_moves_while_the_devices_are_reset_is_in_no_book() -> None:

@@ -240,6 +240,27 @@ def test_overruns_skip_and_count_and_never_run_a_slot_twice() -> None:
         assert round((row[0] - before[0]) * 1e3) == row[3] + 1
 
 
+def test_slots_that_pass_while_devices_are_reset_are_counted() -> None:
+    def ask(bench: Bench) -> None:
+        if len(bench.rows) == 10:
+            bench.pair.control.wants_reset = True
+
+    bench = Bench(cycles=40, on_commit=ask)
+    opens, clock = bench.arm.open, bench.clock
+
+    def open_slowly() -> None:
+        opens()
+        if bench.rows:  # five periods and a half
+            clock.sleep_until(clock.now_ns() + 11 * PERIOD_NS // 2)
+
+    bench.arm.open = open_slowly  # type: ignore[method-assign]
+    result = bench.loop.run()
+    assert not bench.pair.control.wants_reset
+    assert result.missed_cycles == 5
+    assert result.cycles == 35
+    assert round(bench.rows[10][0] * 1e3) == 15
+
+
 def test_less_than_a_period_late_is_late_but_misses_nothing() -> None:
     bench = Bench(cycles=30, oversleep=late_at(10, slots=0.6))
     result = bench.loop.run()

@@ -7,7 +7,7 @@ import pytest
 
 from tautwave.couplings.wave.claim import claim_of
 from tautwave.couplings.wave.port import tune
-from tautwave.rig.scales import scaled
+from tautwave.rig.scales import end_energy, pair_scale, scaled
 from tautwave.rig.ways import command_delays
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.rescaling import take_scale
@@ -117,3 +117,11 @@ def test_a_scale_changes_in_one_slot_and_nothing_jumps() -> None:
     ratio = (slave[3150] - slave[2600]) / (master[3150] - master[2600])
     assert ratio == pytest.approx(0.5, abs=0.05)
     assert np.abs(np.diff(slave)).max() < 1e-3  # no jump at a change
+
+
+def test_an_energy_of_a_pair_is_another_of_its_slaves_device() -> None:
+    rig = bench("coupling.pairs.lever.position_scale=2.0")
+    power = pair_scale(rig.coupling.pairs["lever"]).power
+    assert power != 1.0
+    assert end_energy(rig, "master.lever", 3.0) == 3.0
+    assert end_energy(rig, "slave.lever", 3.0) == 3.0 * power
