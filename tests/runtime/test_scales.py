@@ -120,7 +120,7 @@ def test_a_scale_changes_in_one_slot_and_nothing_jumps() -> None:
 
 
 def test_an_energy_of_a_pair_is_another_of_its_slaves_device() -> None:
-    rig = bench("coupling.pairs.lever.position_scale=2.0")
+    rig = bench("coupling.pairs.lever.position_scale=2.0", "coupling.pairs.lever.force_scale=2.0")
     power = pair_scale(rig.coupling.pairs["lever"]).power
     assert power != 1.0
     assert end_energy(rig, "master.lever", 3.0) == 3.0

@@ -20,7 +20,8 @@ from tautwave.view.ros import messages as m
 
 STORES = {
     store: get_typestore(store)
-    for store in (Stores.ROS2_IRON, Stores.ROS2_JAZZY, Stores.ROS2_KILTED, Stores.ROS2_LYRICAL)
+    for store in Stores
+    if store.name in ("ROS2_IRON", "ROS2_JAZZY", "ROS2_KILTED", "ROS2_LYRICAL")  # as far as known
 }
 JAZZY = STORES[Stores.ROS2_JAZZY]
 ALL = [one for one in vars(m).values() if isinstance(one, type) and hasattr(one, "serialize")]

@@ -34,7 +34,7 @@ def _vectors(path: Path) -> dict[str, Array]:
             content = io.loadmat(file, simplify_cells=True)
     except NotImplementedError:
         return _hdf5(path)
-    except (OSError, ValueError, TypeError, io.matlab.MatReadError) as err:
+    except (OSError, ValueError, TypeError, IndexError, io.matlab.MatReadError) as err:
         raise ConfigError(f"{path}: cannot be read as a MATLAB file: {err}") from err
     for name, value in content.items():
         if not name.startswith("__"):
