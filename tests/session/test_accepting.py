@@ -21,8 +21,8 @@ import yaml
 from click.testing import CliRunner
 
 from tautwave.cli import main
-from tautwave.session.acceptance.accepting import STAGES
 from tautwave.session.acceptance.document import FILE, content_digest, verify
+from tautwave.session.acceptance.ladder import STAGES
 from tautwave.sites.certificates import make_authority
 from tests.rigs.running import Tree
 from tests.runtime.test_device_faults import servo_tree

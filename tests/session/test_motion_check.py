@@ -17,9 +17,8 @@ from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, DeviceFault
 from tautwave.runtime.sensing import LoopBus
 from tautwave.session.acceptance.accepted import accepted_path, comparing, keep_accepted
-from tautwave.session.acceptance.accepting import STAGES
 from tautwave.session.acceptance.document import Check
-from tautwave.session.acceptance.ladder import SEEN, TOUCH, touches
+from tautwave.session.acceptance.ladder import SEEN, STAGES, TOUCH, touches
 from tautwave.session.acceptance.motion import MAX_SHARE, MAX_SPEED, TOO_FAR, motions
 from tautwave.session.guided.control import GuidedControl
 from tests.examples import tried

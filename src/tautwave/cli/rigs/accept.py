@@ -20,8 +20,8 @@ from tautwave.errors import ConfigError
 
 KEEP = ("names", "serial", "paths", "hosts")
 STAGES = (
-    "identity", "hand", "limits", "noise", "watchdog", "touch", "motion", "delay", "effort",
-    "gentle", "full",
+    "identity", "hand", "limits", "noise", "silence", "watchdog", "touch", "motion", "delay",
+    "effort", "gentle", "walls", "full",
 )  # fmt: skip
 
 
@@ -37,11 +37,16 @@ STAGES = (
 )
 @click.option(
     "--stages",
-    default=",".join(STAGES),
-    show_default=True,
     metavar="A,B",
-    help="In this order, from low to high risk.",
+    help=f"In this order, from low to high risk; default: {','.join(STAGES)}.",
 )
+@click.option(
+    "--resume",
+    type=PATH,
+    metavar="DIR",
+    help="Go on with an acceptance of the same rig and devices; its passed stages are kept.",
+)
+@click.option("--redo", default="", metavar="A,B", help="With --resume: do these stages again.")
 @click.option(
     "--run-s",
     type=float,
@@ -78,7 +83,9 @@ def accept(
     keys: Path | None,
     site: str,
     axes: Sequence[str],
-    stages: str,
+    stages: str | None,
+    resume: Path | None,
+    redo: str,
     run_s: float,
     script: str | None,
     share: Path | None,
@@ -94,19 +101,24 @@ def accept(
     """Run acceptance tests on the devices of RIG, stage by stage from low to high risk.
 
     Without torque: identity, sign and scale by hand, limits. Enabled with zero effort: noise at
-    rest, the watchdog by unplugging the cable. With effort: a light pull in your hand, small
-    motions both ways against all signs, delay by a step, effort with a spring scale, then the
-    coupled rig at a tenth of its effort and at full effort. The first failed stage ends it with
-    exit code 6, a device refused in the first stage with 5. acceptance.json holds every result,
-    sealed by the SHA-256 of every recording and of itself; --keys signs it, and with --verify
-    shows who signed. Real devices that passed identity and motion are kept in RIG.accepted.json
-    beside RIG, and compared in every run. --share writes one file that may be handed on, after
-    it was printed in full: no names, hosts, users, paths or serial numbers.
+    rest, the watchdogs by silence, then by unplugging the cable. With effort: a light pull in your
+    hand, small motions both ways against all signs, delay by a step, effort with a spring scale.
+    Then the coupled rig at a tenth of its effort, the same with walls, and at full effort. Before a
+    stage with torque it waits until every axis is off its ends. On a terminal it pauses between
+    stages, and a stage can be done again; one that failed is always asked for again, and ends it
+    otherwise: exit code 6, a device refused in the first stage 5. What was passed is kept after
+    every stage, also on Ctrl-C: --resume DIR goes on, if rig and devices are the same.
+    acceptance.json holds every result, sealed by the SHA-256 of every recording and of itself;
+    --keys signs it, and with --verify shows who signed. Real devices that passed identity and
+    motion are kept in RIG.accepted.json beside RIG, and compared in every run. --share writes one
+    file that may be handed on, after it was printed in full: no names, hosts, users, paths or
+    serial numbers.
 
     \b
     Examples:
         tautwave accept drives.yaml --by 'A. Person'
         tautwave accept drives.yaml --by me --stages identity,hand
+        tautwave accept drives.yaml --resume runs/accept-drives --redo hand
         tautwave accept drives.yaml --by 'A. Person' --keys keys --site lab
         tautwave accept runs/accept-drives/acceptance.json --verify --keys keys
         tautwave accept runs/accept-drives/acceptance.json --share drives.json
@@ -132,26 +144,35 @@ def accept(
     if share is not None and rig.suffix == ".json":
         _share(rig, share, keep)
         return
-    if by is None or not by.strip():
-        raise click.UsageError("--by is missing: who performs the acceptance?")
+    if redo and resume is None:
+        raise ConfigError("accept: --redo goes with --resume DIR, which has the stages")
+    if resume is not None and out is not None:
+        raise ConfigError("accept: --resume DIR goes on in DIR; leave --out away")
     from tautwave.bench.result import machine
     from tautwave.cli.rigs.talking import conversation
     from tautwave.cli.run import fresh_directory
     from tautwave.config import load_rig
-    from tautwave.session.acceptance.accepting import Acceptance
     from tautwave.session.acceptance.accepting import accept as lead
+    from tautwave.session.acceptance.accepting import go_on
+    from tautwave.session.acceptance.day import Acceptance, begun
     from tautwave.session.guided.running import Ways
 
-    wanted = [stage.strip() for stage in stages.split(",")]
-    wrong = [stage for stage in wanted if stage not in STAGES]
-    if wrong:
-        raise ConfigError(f"accept: --stages: {wrong[0]!r} is not one of {', '.join(STAGES)}")
+    wanted, again = _stages(stages, "--stages") or list(STAGES), _stages(redo, "--redo")
+    if resume is not None:
+        before = begun(resume)
+        by, axes = by or before.by, axes or before.axes
+        wanted = wanted if stages else before.stages
+    if by is None or not by.strip():
+        raise click.UsageError("--by is missing: who performs the acceptance?")
     loaded = load_rig(rig, choose=False)
     asked = Acceptance(rig, axes or tuple(loaded.axes), wanted, run_s, by, keys, site, machine())
-    directory = fresh_directory(out, f"accept-{loaded.name}")
+    directory = resume or fresh_directory(out, f"accept-{loaded.name}")
     ways = Ways(clock, simulate, attach, allow_unwatched, configure)
     try:
-        path, checks, refused = lead(asked, conversation(script), out=directory, ways=ways)
+        path, checks, refused, left = lead(
+            asked, conversation(script), out=directory, ways=ways, resume=resume is not None,
+            redo=again,
+        )  # fmt: skip
     finally:
         with suppress(OSError):
             directory.rmdir()  # removes it only if it is empty
@@ -159,11 +180,22 @@ def accept(
         _share(path, share, keep)
     good = sum(check.good for check in checks)
     how = "sealed" if keys is None else f"signed with the key of site {site}"
-    ended = "accepted" if good == len(checks) else "NOT accepted"
-    click.echo(f"{path}: {good} of {len(checks)} passed, {ended} by {by}, {how}")
+    ended = f"accepted by {by}, {how}"
+    if left:
+        ended = f"NOT {ended}; {go_on(rig, directory)}"
+    click.echo(f"{path}: {good} of {len(checks)} passed, {ended}")
     if refused is not None:
         raise refused
-    ctx.exit(0 if good == len(checks) else 6)
+    ctx.exit(6 if left else 0)
+
+
+def _stages(text: str | None, option: str) -> list[str]:
+    """Return the stages of an option, none of ''."""
+    stages = [stage.strip() for stage in (text or "").split(",") if stage.strip()]
+    wrong = [stage for stage in stages if stage not in STAGES]
+    if wrong:
+        raise ConfigError(f"accept: {option}: {wrong[0]!r} is not one of {', '.join(STAGES)}")
+    return stages
 
 
 def _share(document: Path, target: Path, keep: Sequence[str]) -> None:

@@ -34,7 +34,8 @@ def conversation(script: str | None) -> Conversation:
     else:
         answers = read_answers(read_guarded(Path(script), "script", LARGEST), script)
     screen = Screen(sys.stdout)
-    return Conversation(answers, screen.say, screen.show)
+    pauses = script is None and sys.stdin.isatty()
+    return Conversation(answers, screen.say, screen.show, pauses)
 
 
 class Screen:

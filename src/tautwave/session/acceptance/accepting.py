@@ -1,26 +1,25 @@
-"""Run the stages of an acceptance in rising risk; one that is not good ends it."""
+"""Run the stages of an acceptance in rising risk; one that is not good is asked for again."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.errors import ConfigError, DriverError, SafetyStop
 from tautwave.files import make_directory, write_text
-from tautwave.reading import digest_of
 from tautwave.rig import bus_ways, real_buses
 from tautwave.rig.ways import Way
+from tautwave.runtime.interrupts import Interrupted
 from tautwave.session.acceptance import guides
 from tautwave.session.acceptance.accepted import NEEDED, keep_accepted
-from tautwave.session.acceptance.document import TRAFFIC, Check, write_sealed
-from tautwave.session.acceptance.ladder import SEEN, touches
+from tautwave.session.acceptance.day import Acceptance, Day, load_accepted
+from tautwave.session.acceptance.document import TRAFFIC, Check
+from tautwave.session.acceptance.ladder import COUPLED, FREE, SEEN, touches
 from tautwave.session.acceptance.motion import motions
-from tautwave.session.checking import bus_budgets
+from tautwave.session.acceptance.silence import silences
+from tautwave.session.acceptance.waiting import wait_for_place
 from tautwave.session.guided.control import GuidedControl
 from tautwave.session.guided.running import (
     Conversation,
@@ -32,131 +31,151 @@ from tautwave.session.guided.running import (
 from tautwave.session.running import run as run_rig
 from tautwave.traffic import Traffic, recorded
 
-STAGES = (
-    "identity", "hand", "limits", "noise", "watchdog", "touch", "motion", "delay", "effort",
-    "gentle", "full",
-)  # fmt: skip
-"""In rising risk: nothing has torque in the first three, nothing is commanded up to the fifth."""
-
 GENTLE = 0.1
 TRAFFIC_S = 1.0
 """How much of each stage's traffic is kept, after its first cycle and before its end."""
-
-
-class Acceptance(NamedTuple):
-    """What is to be accepted: a rig file, its axes, stages, the length of the runs [s], who.
-
-    `keys` is the folder with the key of `site` that signs, None: sealed only; `machine`, what this
-    one is.
-    """
-
-    rig: Path
-    axes: Sequence[str]
-    stages: Sequence[str]
-    run_s: float
-    by: str
-    keys: Path | None = None
-    site: str = ""
-    machine: Mapping[str, Any] = {}
+AGAIN, STOP = "r", "q"
+SIGNALLED = 128
+"""Exit codes beyond it are those of signals."""
 
 
 class Accepted(NamedTuple):
-    """The sealed document, its checks, and the error of a device refused in the first stage."""
+    """The sealed document, its checks, and the error of a device refused in the first stage.
+
+    `left` are stages that were not passed; `earlier` those checks that were done again.
+    """
 
     document: Path
     checks: list[Check]
     refused: DriverError | SafetyStop | None
+    left: list[str]
 
 
-def accept(asked: Acceptance, talk: Conversation, *, out: Path, ways: Ways) -> Accepted:
-    """Lead a person through the stages and seal what was found.
+def accept(
+    asked: Acceptance,
+    talk: Conversation,
+    *,
+    out: Path,
+    ways: Ways,
+    resume: bool = False,
+    redo: Sequence[str] = (),
+) -> Accepted:
+    """Lead a person through the stages and seal what was found, after each of them.
+
+    Parameters
+    ----------
+    out : Path
+        Directory for the document and the recordings.
+    resume : bool
+        Take over the stages that were passed in `out`, if it is of the same rig and devices.
+    redo : sequence of str
+        Of these, stages to do again.
 
     Raises
     ------
     TautwaveError
-        The rig is refused, no device could be asked anything, or none answers.
+        The rig is refused, nothing can be resumed, no device could be asked anything, or none
+        answers.
+    KeyboardInterrupt
+        By a person: all axes are safe, and `out` holds what was passed.
     """
-    rig = load_rig(asked.rig)
-    unknown = [name for name in asked.axes if name not in rig.axes]
-    if unknown:
-        raise ConfigError(f"accept: no axis {unknown[0]!r}; axes: {', '.join(rig.axes)}")
-    if asked.keys is not None:
-        from tautwave.sites.certificates import identity_files
-
-        identity_files(asked.keys, asked.site)  # not only at the end of the day
-    checks: list[Check] = []
-    said: dict[str, Mapping[str, str]] = {}
-    notes: dict[str, list[str]] = {}
-    ended = ""
-    refused: DriverError | SafetyStop | None = None
-    for stage in asked.stages:
-        talk.say(f"-- {stage}: {SEEN[stage]}")
-        try:
-            with recorded(TRAFFIC_S) as traffic:
-                found = list(_stage(stage, rig, asked, talk, out / stage, ways, said, notes))
-        except (DriverError, SafetyStop) as err:
-            if not checks:
-                if not traffic.events:
-                    raise
-                refused = err
-                make_directory(out / stage)
-                if not (out / stage / "rig.yaml").exists():
-                    write_text(out / stage / "rig.yaml", resolved_yaml(rig))
-            found = [Check(stage, rig.name, {"said": str(err)}, "no fault and no stop", False)]
-        _keep_traffic(out / stage, traffic)
-        for check in found:
-            numbers = ", ".join(
-                f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
-                for key, value in check.measured.items()
-            )
-            verdict = "good" if check.good else f"FAILED, expected {check.expected}"
-            line = ": ".join(filter(None, (f"{check.stage} {check.what}", numbers, verdict)))
-            talk.say(f"  {line}")
-        checks += found
-        if not all(check.good for check in found):
-            ended = stage
-            break
-    content: dict[str, Any] = {
-        "rig": rig.name,
-        "rig_sha256": digest_of(asked.rig),
-        "version": version("tautwave"),
-        "by": asked.by,
-        "sealed_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-        "stages": list(asked.stages),
-        "ended_at": ended,
-        "accepted": not ended,
-        "machine": dict(asked.machine),
-        "clock": ways.clock,
-        "buses": _buses(rig, ways),
-        "devices": {name: dict(one) for name, one in said.items()},
-        "notes": notes,
-        "checks": [{**check._asdict(), "measured": _plain(check.measured)} for check in checks],
-    }
-    document = write_sealed(out, content, asked.keys, asked.site)
-    real = real_buses(bus_ways(rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach))
-    devices = {name: said[name] for name in asked.axes if name in said}
-    devices = {name: one for name, one in devices.items() if rig.axes[name].bus in real}
-    if devices and not ended and set(NEEDED) <= set(asked.stages):
+    day = Day(asked, load_accepted(asked), out, ways)
+    if resume:
+        day.resume(redo)
+    try:
+        refused = _climb(day, talk)
+    except BaseException:  # nobody answers any more, or Ctrl-C: what was passed stays
+        if day.checks:
+            day.seal()
+            talk.say(f"\nwhat was passed is kept; {go_on(asked.rig, out)}")
+        raise
+    document = day.seal()
+    real = real_buses(
+        bus_ways(day.rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach)
+    )
+    devices = {name: day.devices[name] for name in asked.axes if name in day.devices}
+    devices = {name: one for name, one in devices.items() if day.rig.axes[name].bus in real}
+    if devices and not day.left and set(NEEDED) <= set(asked.stages):
         kept = keep_accepted(asked.rig, devices, asked.by, document)
         talk.say(f"{kept}: what a run on these devices compares")
-    return Accepted(document, checks, refused)
+    checks = [check for stage in day.checks.values() for check in stage]
+    return Accepted(document, checks, refused, day.left)
 
 
-def _buses(rig: Rig, ways: Ways) -> dict[str, dict[str, Any]]:
-    """Return by bus what it is driven by, at which rate, and what `check` says of its time."""
-    taken = bus_ways(rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach)
-    budgets = bus_budgets(rig)
-    return {
-        name: {
-            "driver": bus.driver,
-            "way": taken[name].way.value,
-            "simulated": taken[name].way is not Way.HARDWARE,
-            "rate_hz": rig.rate_hz / bus.divisor,
-            "needs_ms": 1e3 * budgets[name].time_s if name in budgets else None,
-            "how": budgets[name].arithmetic if name in budgets else "",
-        }
-        for name, bus in rig.buses.items()
-    }
+def go_on(rig: Path, out: Path) -> str:
+    """Return the command that goes on with an acceptance, as a clause."""
+    return f"go on with: tautwave accept {rig} --resume {out}"
+
+
+def _climb(day: Day, talk: Conversation) -> DriverError | SafetyStop | None:
+    """Go from stage to stage; return the error of a device that was refused in the first one."""
+    stages, resumed = day.asked.stages, bool(day.checks)
+    for number, stage in enumerate(stages):
+        if day.passed(stage) and stage != "identity":
+            talk.say(f"-- {stage}: passed before")
+            continue
+        while True:
+            refused = _try(stage, day, talk, resumed=resumed)
+            later = [one for one in stages[number + 1 :] if not day.passed(one)]
+            if day.passed(stage) and not (talk.pauses and later):
+                break
+            day.seal()
+            answer = _asked(talk, stage, passed=day.passed(stage), later=later)
+            if answer == AGAIN:
+                continue
+            if not day.passed(stage) or answer == STOP:
+                return refused
+            break
+        day.seal()
+    return None
+
+
+def _asked(talk: Conversation, stage: str, *, passed: bool, later: Sequence[str]) -> str:
+    """Return whether to do a stage again, to stop, or neither; where nobody answers, to stop."""
+    question = f"{stage} was not passed. Enter: end here. {AGAIN}: do it again"
+    if passed:
+        question = f"Enter: go on to {later[0]}. {AGAIN}: {stage} again. {STOP}: stop here for now"
+    if not talk.answers.more():
+        return STOP
+    try:
+        return ask_without_devices(talk, question).strip().lower()[:1]
+    except ConfigError:  # the end of the input
+        return STOP
+
+
+def _try(
+    stage: str, day: Day, talk: Conversation, *, resumed: bool
+) -> DriverError | SafetyStop | None:
+    """Do a stage once and keep what it found; return the error of a device that was refused."""
+    talk.say(f"-- {stage}: {SEEN[stage]}")
+    first, refused = not day.tries, None
+    out, traffic = day.begin(stage), Traffic(TRAFFIC_S)
+    try:
+        checks = [] if stage in FREE else _place(day, talk, out / "place", coupled=stage in COUPLED)
+        with recorded(TRAFFIC_S) as traffic:
+            checks = checks or list(_stage(stage, day, talk, out, resumed=resumed))
+    except (DriverError, SafetyStop) as err:
+        if resumed and stage == "identity":
+            raise  # what was passed before stays as it is
+        if first:
+            if not traffic.events and not talk.pauses:
+                raise
+            refused = err
+            make_directory(out)
+            if not (out / "rig.yaml").exists():
+                write_text(out / "rig.yaml", resolved_yaml(day.rig))
+        checks = [Check(stage, day.rig.name, {"said": str(err)}, "no fault and no stop", False)]
+    _keep_traffic(out, traffic)
+    for check in checks:
+        numbers = ", ".join(
+            f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
+            for key, value in check.measured.items()
+        )
+        verdict = "good" if check.good else f"FAILED, expected {check.expected}"
+        line = ": ".join(filter(None, (f"{check.stage} {check.what}", numbers, verdict)))
+        talk.say(f"  {line}")
+    day.checks[stage] = checks
+    return refused
 
 
 def _keep_traffic(folder: Path, traffic: Traffic) -> None:
@@ -165,26 +184,12 @@ def _keep_traffic(folder: Path, traffic: Traffic) -> None:
         write_text(folder / TRAFFIC, "".join(f"{one.line()}\n" for one in traffic.events))
 
 
-def _plain(measured: Mapping[str, float | str]) -> dict[str, float | str | None]:
-    """Return numbers for JSON, which has none that is not finite."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in measured.items()
-    }
-
-
 def _stage(
-    stage: str,
-    rig: Rig,
-    asked: Acceptance,
-    talk: Conversation,
-    out: Path,
-    ways: Ways,
-    said: dict[str, Mapping[str, str]],
-    notes: dict[str, list[str]],
+    stage: str, day: Day, talk: Conversation, out: Path, *, resumed: bool
 ) -> Iterator[Check]:
-    """Run a stage and yield its checks; what devices report is put into `said` and `notes`."""
-    if stage in ("gentle", "full"):
+    """Run a stage and yield its checks; what devices report is put into `day`."""
+    rig, asked, ways = day.rig, day.asked, day.ways
+    if stage in COUPLED:
         yield from _coupled(stage, asked, talk, out, ways)
         return
     if stage == "watchdog":
@@ -195,19 +200,41 @@ def _stage(
         "hand": lambda control: guides.sign_and_scale(rig, asked.axes, control),
         "limits": lambda control: guides.ranges(rig, asked.axes, control),
         "noise": lambda control: guides.noise(rig, asked.axes, control),
+        "silence": lambda control: silences(rig, asked.axes, control),
         "touch": lambda control: touches(rig, asked.axes, control),
         "motion": lambda control: motions(rig, asked.axes, control),
         "delay": lambda control: guides.delays(rig, asked.axes, control),
         "effort": lambda control: guides.efforts(rig, asked.axes, control),
     }
-    free = stage in ("identity", "hand", "limits")
+    free = stage in FREE
     done = run_guided(rig, made[stage], talk, out=out, torque=not free, guarded=not free, ways=ways)
-    said.update(done.identities)
-    notes[stage] = done.notes
+    if resumed and stage == "identity":
+        day.compare(done.identities)
+    day.devices.update(done.identities)
+    day.unwatched.update(done.unwatched)
+    day.notes[stage] = done.notes
     if stage == "identity":
         yield from _identity(asked, done, talk)
         return
     yield from done.result
+
+
+def _place(day: Day, talk: Conversation, out: Path, *, coupled: bool) -> list[Check]:
+    """Wait until devices that outlast a stage stand where it may begin; nothing has torque."""
+    rig, ways = day.rig, day.ways
+    taken = bus_ways(rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach)
+    if all(way.way in (Way.MEMORY, Way.SERVED) for way in taken.values()):
+        return []  # each stage has its own, which begin in their place
+    waited: list[Check] = run_guided(
+        rig,
+        lambda control: wait_for_place(rig, tuple(rig.axes), control, coupled=coupled),
+        talk,
+        out=out,
+        torque=False,
+        guarded=False,
+        ways=ways,
+    ).result
+    return waited
 
 
 def _identity(asked: Acceptance, done: Guided, talk: Conversation) -> Iterator[Check]:
@@ -250,10 +277,21 @@ def _watchdog(rig: Rig, talk: Conversation, out: Path, ways: Ways) -> Iterator[C
 def _coupled(
     stage: str, asked: Acceptance, talk: Conversation, out: Path, ways: Ways
 ) -> Iterator[Check]:
-    """Walls and coupling: at a tenth of every effort limit, then as the rig has it."""
+    """The coupling at a tenth of every effort limit, then with walls, then as the rig has it."""
     keys = [f"duration_s={asked.run_s}"]
+    rig = load_rig(asked.rig, choose=False)
+    walls = [
+        f"coupling.pairs.{name}.{wall}"
+        for name, pair in rig.coupling.pairs.items()
+        for wall in ("wall_master", "wall_slave")
+        if getattr(pair, wall) is not None
+    ]
+    if stage == "walls" and not walls:
+        yield Check(stage, rig.name, {"walls": "none"}, "nothing to feel", True)
+        return
     if stage == "gentle":
-        rig = load_rig(asked.rig, choose=False)
+        keys += [f"{wall}=null" for wall in walls]
+    if stage != "full":
         keys += [
             f"{side}.axes.{name}.effort_limit={GENTLE * axis.effort_limit}"
             for side in ("master", "slave")
@@ -268,6 +306,8 @@ def _coupled(
         allow_unwatched=ways.allow_unwatched, configure=ways.configure, warn=talk.say,
         accepting=True,
     )  # fmt: skip
+    if result.exit_code > SIGNALLED:
+        raise Interrupted(result.exit_code - SIGNALLED)
     energy = result.summary.energy_j
     numbers: dict[str, float | str] = {
         "exit_code": float(result.exit_code),

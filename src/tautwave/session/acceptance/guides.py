@@ -7,6 +7,7 @@ from collections.abc import Generator, Sequence
 
 from tautwave.config import Axis, Rig
 from tautwave.session.acceptance.document import Check
+from tautwave.session.acceptance.motion import take_back
 from tautwave.session.acceptance.sensors import rest_now, sensor_checks
 from tautwave.session.calibration.by_hand import LEAST, mean_positions
 from tautwave.session.guided.control import GuidedControl
@@ -17,6 +18,8 @@ NOISE_STEPS = 2.0
 """Standard deviation at rest that is allowed, in encoder steps or declared noise."""
 
 STEP_SHARES, STEP_S, PAUSE_S = (0.1, 0.2, 0.4), 0.06, 0.5
+BRAKED = 0.5
+"""Of the impulse of a step, taken back: friction takes some, and the bus may be slow."""
 STEP_SEEN = 4.0
 """Encoder steps by which a device has to have moved to have answered."""
 
@@ -101,8 +104,8 @@ def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 def delays(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
     """A small step of effort moves the device its way, soon enough; dry friction gets a larger."""
     yield from control.ask(
-        f"each axis gets a tenth of its effort limit for {STEP_S:g} s, and up to "
-        f"{STEP_SHARES[-1]:g} of it if it does not move; keep clear, then press Enter"
+        f"each axis gets a tenth of its effort limit until it answers, at most for {STEP_S:g} s, "
+        f"and up to {STEP_SHARES[-1]:g} of it if it does not move; keep clear, then press Enter"
     )
     checks = []
     for name in axes:
@@ -121,21 +124,23 @@ def delays(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 def _step(
     axis: Axis, name: str, share: float, control: GuidedControl
 ) -> Generator[None, None, tuple[float, float]]:
-    """Give an axis a step; return when it answered [s], NaN if not, and how far it went."""
+    """Give an axis a step until it answers; return when [s], NaN if never, and how far it was."""
     yield from _wait(control, PAUSE_S)
-    start, begun = control.position(name), control.now_ns
-    control.push(name, share * axis.effort_limit)
-    seen, most = math.nan, 0.0
+    start, begun, effort = control.position(name), control.now_ns, share * axis.effort_limit
+    control.push(name, effort)
+    seen, answer = math.nan, 0.0
     threshold = STEP_SEEN * max(axis.encoder_quantum, axis.position_noise, 1e-9)
     while control.now_ns - begun < 1e9 * (STEP_S + PAUSE_S):
         yield
-        if control.now_ns - begun >= 1e9 * STEP_S:
-            control.push(name, 0.0)
+        passed_s = (control.now_ns - begun) * 1e-9
         moved = control.position(name) - start
         if math.isnan(seen) and abs(moved) > threshold:
-            seen = (control.now_ns - begun) * 1e-9
-        most = max(most, moved, key=abs)
-    return seen, most if math.isfinite(seen) else 0.0
+            seen, answer = passed_s, moved
+            impulse = BRAKED * effort * min(passed_s, STEP_S)
+            yield from take_back(name, effort, impulse, start, control)
+        elif passed_s >= STEP_S:
+            control.push(name, 0.0)
+    return seen, answer
 
 
 def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:

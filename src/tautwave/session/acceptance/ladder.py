@@ -14,15 +14,22 @@ SEEN = {
     "hand": "no torque: the numbers follow your hand, by as much as you turn",
     "limits": "no torque: each axis reaches either end of its range freely",
     "noise": "torque on, no effort: the axes stand still, and can be moved by hand",
+    "silence": "torque on, no effort: this host says nothing, and each axis lets go by itself",
     "watchdog": "torque on, no effort: without its cable each axis lets go by itself, and stays so",
     "touch": "one axis at a time, a twentieth of its effort: you feel it pull the positive way",
     "motion": "a degree or two (1 mm) both ways: each axis goes, stops, and comes back by itself",
     "delay": "a short push: each axis gives a small jerk the positive way, and nothing after it",
     "effort": "a tenth, then a fifth of the effort: the scale shows what is asked for",
-    "gentle": "coupled, at a tenth of every effort: the slave follows softly, walls can be felt",
+    "gentle": "coupled without walls, at a tenth of every effort: the slave follows softly",
+    "walls": "coupled with its walls, at a tenth of every effort: they can be felt, and are quiet",
     "full": "coupled, as the rig has it: the slave follows, nothing buzzes, walls are hard",
 }
 """By stage, in rising risk: each stops by itself, and its numbers are kept."""
+
+STAGES = tuple(SEEN)
+FREE = frozenset({"identity", "hand", "limits"})
+"""Nothing has torque. Up to `watchdog` nothing is commanded."""
+COUPLED = frozenset({"gentle", "walls", "full"})
 
 TOUCH = 0.05
 """Of the effort limit at most."""

@@ -183,21 +183,34 @@ def push(
         velocities.append(way * seen[0])
         efforts.append(way * seen[1])
     travel = abs(moved)
-    # Effort against the push, whatever the sign of what is measured; no longer than the push took.
+    farthest = yield from take_back(name, way * share * axis.effort_limit, impulse, start, control)
+    travel = max(travel, farthest)
+    return Pushed(way * moved, _last(velocities), _mean(efforts), share, travel)
+
+
+def take_back(
+    name: str, effort: float, impulse: float, start: float, control: GuidedControl
+) -> Generator[None, None, float]:
+    """Brake an axis that was pushed by `effort` [N m or N] with at most the impulse of the push.
+
+    Against the push, whatever the sign of what is measured; no longer than the push took. Returns
+    how far it was from `start` meanwhile [rad or m].
+    """
+    period = 1e-9 * control.run.period_ns
     first = control.velocity(name)
-    fastest = abs(first)
+    fastest, farthest = abs(first), 0.0
     while impulse > 0.0:
-        control.push(name, -way * share * axis.effort_limit)
+        control.push(name, -effort)
         yield
-        impulse -= share * axis.effort_limit * period
-        travel = max(travel, abs(control.position(name) - start))
+        impulse -= abs(effort) * period
+        farthest = max(farthest, abs(control.position(name) - start))
         velocity = control.velocity(name)
         fastest = max(fastest, abs(velocity))
         if velocity * first <= 0.0 or abs(velocity) < AT_REST * fastest:
             break
     control.push(name, 0.0)
     yield
-    return Pushed(way * moved, _last(velocities), _mean(efforts), share, travel)
+    return farthest
 
 
 def _last(values: Sequence[float]) -> float:

@@ -47,8 +47,9 @@ HOSTS = ("endpoint", "host", "peer")
 class Shared(BaseModel):
     """The file: what was tried, on what, what was measured, and how it ended.
 
-    `simulated` says that every bus was simulated; `checks` are those of the acceptance, with
-    their measured numbers; `stages` have the times of the loop [us], the last rows, and lines of
+    `simulated` says that every bus was simulated; `unwatched` are axes that no watchdog stops;
+    `checks` are those of the acceptance, with their measured numbers, `earlier` those of stages
+    that were done again; `stages` have the times of the loop [us], the last rows, and lines of
     traffic; `rig` is the resolved rig file.
     """
 
@@ -66,7 +67,9 @@ class Shared(BaseModel):
     left_out: list[str]
     buses: dict[str, dict[str, Any]]
     devices: dict[str, dict[str, str]]
+    unwatched: list[str] = Field(default_factory=list)
     checks: list[dict[str, Any]]
+    earlier: list[dict[str, Any]] = Field(default_factory=list)
     notes: dict[str, list[str]]
     stages: dict[str, dict[str, Any]] = Field(default_factory=dict)
     rig: dict[str, Any]
@@ -94,6 +97,14 @@ class _Cleaner:
             if name and name not in self.words:
                 count = sum(one.startswith(word) for one in self.words.values())
                 self.words[name] = f"{word}{count + 1}" if numbered else word
+
+    def checks(self, checks: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        """Return checks without what is left out."""
+        return [
+            {**one, "what": self.text(one["what"]), "expected": self.text(one["expected"]),
+             "measured": self.tree(one["measured"])}
+            for one in checks
+        ]  # fmt: skip
 
     def text(self, text: str) -> str:
         """Return a text without what is left out."""
@@ -286,13 +297,16 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
     if "devices" not in content:
         raise ConfigError(f"{path}: was written by tautwave 0.1, without what is shared; accept "
                           "the rig again")  # fmt: skip
-    folders = [path.parent / stage for stage in content["stages"]]
-    rig = next((_rig(one) for one in folders if (one / "rig.yaml").is_file()), {})
+    named = content.get("folders", {})
+    folders = {stage: path.parent / named.get(stage, stage) for stage in content["stages"]}
+    rig = next((_rig(one) for one in folders.values() if (one / "rig.yaml").is_file()), {})
     devices = content["devices"]
     known = [*_serials(devices), *_serials(rig), *_serials(content["checks"])]
     serials = {text for text in known if len(text) > 2}
     cleaner = _Cleaner(rig, serials, keep)
-    found = {one.name: {**_rows(one, cleaner), **_traffic(one, cleaner)} for one in folders}
+    found = {
+        stage: {**_rows(one, cleaner), **_traffic(one, cleaner)} for stage, one in folders.items()
+    }
     stages = {name: one for name, one in found.items() if one}
     return Shared(
         version=content["version"],
@@ -306,11 +320,9 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
         left_out=[one for one in KEEP if one not in keep],
         buses=cleaner.tree(content["buses"], "buses"),
         devices=cleaner.tree(devices),
-        checks=[
-            {**one, "what": cleaner.text(one["what"]),
-             "expected": cleaner.text(one["expected"]), "measured": cleaner.tree(one["measured"])}
-            for one in content["checks"]
-        ],
+        unwatched=[cleaner.text(name) for name in content.get("unwatched", [])],
+        checks=cleaner.checks(content["checks"]),
+        earlier=cleaner.checks(content.get("earlier", [])),
         notes={stage: [cleaner.text(note) for note in notes]
                for stage, notes in content["notes"].items()},
         stages=stages,

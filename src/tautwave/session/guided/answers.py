@@ -17,6 +17,9 @@ class Answers(Protocol):
     def ask(self, now_ns: int) -> None:
         """Take note that a question was asked."""
 
+    def more(self) -> bool:
+        """Return whether another question may be answered."""
+
     def take(self, now_ns: int) -> str | None:
         """Return the answer to it if there is one; never waits.
 
@@ -37,6 +40,10 @@ class Typed:
 
     def ask(self, now_ns: int) -> None:
         """Every line is an answer."""
+
+    def more(self) -> bool:
+        """Return whether the input has not ended, as far as it was read."""
+        return not self._ended or b"\n" in self._data
 
     def take(self, now_ns: int) -> str | None:
         """Return the next line."""
@@ -70,6 +77,10 @@ class Scripted:
         self._asked_ns, self._waited_for = now_ns, True
         if not self._left:
             raise ConfigError("the script has fewer answers than questions")
+
+    def more(self) -> bool:
+        """Return whether an answer is left."""
+        return len(self._left) > self._waited_for
 
     def take(self, now_ns: int) -> str | None:
         """Return the next answer once it is due."""

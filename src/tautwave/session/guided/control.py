@@ -7,12 +7,12 @@ asks the person through it, and may push an axis within the limits of the rig.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any
 
 from tautwave.contracts import Row
 from tautwave.controller.axis import is_due, miss_sample, pass_slot
-from tautwave.controller.records import FINISHED, AxisParams, RunParams
+from tautwave.controller.records import FINISHED, NEVER, AxisParams, RunParams
 from tautwave.controller.rows import axis_columns, fill_axis
 from tautwave.controller.run import stop_on_guard
 from tautwave.controller.steps import ALONE
@@ -31,6 +31,15 @@ Guide = Callable[["GuidedControl"], Generator[None, None, Any]]
 def _nothing(name: str) -> tuple[float, float]:
     """Witness of devices that report neither velocity nor effort."""
     return math.nan, math.nan
+
+
+def _unwatched() -> dict[str, float | None]:
+    """Time-outs of devices that have none."""
+    return {}
+
+
+def _at_once(seconds: float) -> None:
+    """Silence of a controller without a loop."""
 
 
 class GuidedControl(Control):
@@ -77,6 +86,13 @@ class GuidedControl(Control):
         self._places = {name.name: at for at, name in enumerate(names)}
         self.witness: Callable[[str], tuple[float, float]] = _nothing
         """Velocity and motor effort that a device reports of an axis, along the axis [SI]."""
+        self.watchdogs: Callable[[], Mapping[str, float | None]] = _unwatched
+        """After what silence [s] each device stops by itself; None or absent: never."""
+        self.silence: Callable[[float], None] = _at_once
+        """Has the loop's thread send nothing for some time [s]."""
+        self.faults: dict[str, str] = {}
+        """What devices reported first after a silence, by axis."""
+        self._was_silent = False
         self._steps = guide(self)
         self.number = 0
         self.over = False
@@ -111,6 +127,21 @@ class GuidedControl(Control):
     def drive(self, name: str, velocity: float) -> None:
         """Have an axis that takes velocity go at one [rad/s or m/s], until the next call."""
         self._drive[self._places[name]] = velocity
+
+    def fall_silent(self, seconds: float) -> None:
+        """Send nothing for some time [s]; after that faults and missing samples end nothing."""
+        self._was_silent = True
+        self.run = self.run._replace(missing_limit=NEVER, overrun_limit=NEVER)
+        self.silence(seconds)
+
+    def fault(self, slot: int, which: int, sentence: str) -> bool:
+        """Stop on the fault of a device; after a silence it is what was waited for."""
+        if not self._was_silent:
+            return super().fault(slot, which, sentence)
+        self.bury(which)
+        if which >= 0:
+            self.faults.setdefault(self.names[which].name, sentence)
+        return False
 
     def ask(self, question: str) -> Generator[None, None, str]:
         """Ask, and pass slots until there is an answer."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -47,11 +47,15 @@ SIMULATED_S = 600.0
 
 
 class Conversation(NamedTuple):
-    """Where answers come from, and where sentences and numbers go."""
+    """Where answers come from, and where sentences and numbers go.
+
+    `pauses`: somebody is there, who may be asked between two procedures.
+    """
 
     answers: Answers
     say: Callable[[str], None]
     show: Callable[[str], None]
+    pauses: bool = False
 
 
 class Ways(NamedTuple):
@@ -65,11 +69,15 @@ class Ways(NamedTuple):
 
 
 class Guided(NamedTuple):
-    """A procedure that came to its end: its result, and what the devices said of themselves."""
+    """A procedure that came to its end: its result, and what the devices said of themselves.
+
+    `unwatched` are axes whose devices no watchdog stops.
+    """
 
     result: Any
     identities: Mapping[str, Mapping[str, str]]
     notes: list[str]
+    unwatched: Sequence[str] = ()
 
 
 def ask_without_devices(talk: Conversation, question: str) -> str:
@@ -167,7 +175,8 @@ def run_guided(
         raise ConfigError(f"the procedure did not finish within {longest_s:g} s")
     reported = {k: v for bus in assembly.buses for k, v in identities(bus.driver).items()}
     notes = [note for bus in assembly.buses for note in getattr(bus.driver, "notes", ())]
-    return Guided(control.result, reported, notes)
+    unwatched = [name for bus in assembly.buses for name in bus.driver.unwatched]
+    return Guided(control.result, reported, notes, unwatched)
 
 
 def _witness(assembly: Assembly) -> Callable[[str], tuple[float, float]]:
@@ -211,6 +220,11 @@ def _guided(
         talk.answers, talk.say, talk.show, guarded=guarded,
     )  # fmt: skip
     control.witness = _witness(assembly)
+    control.watchdogs = lambda: {
+        name: bus.driver.watchdog_s.get(name) for bus in assembly.buses for name in bus.axes
+    }
+    clock = assembly.clock
+    control.silence = lambda seconds: clock.sleep_until(clock.now_ns() + round(1e9 * seconds))
     sources = [control, *assembly.sources[1:]]
     columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]
     return assembly._replace(control=control, sources=sources, columns=columns)

@@ -1,0 +1,536 @@
+"""An acceptance as a ladder: stages are repeated, left, resumed, waited for, and never left on."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Generator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tautwave.cli import main
+from tautwave.config import load_rig
+from tautwave.errors import ConfigError, DeviceFault
+from tautwave.session.acceptance import accepting
+from tautwave.session.acceptance.accepting import Accepted
+from tautwave.session.acceptance.accepting import accept as lead
+from tautwave.session.acceptance.day import Acceptance, Day, begun
+from tautwave.session.acceptance.document import FILE, Check, verify
+from tautwave.session.acceptance.ladder import FREE, STAGES
+from tautwave.session.acceptance.waiting import WAIT_S, apart, middles, wait_for_place
+from tautwave.session.guided.answers import Scripted, read_answers
+from tautwave.session.guided.running import Conversation, Ways
+from tautwave_sim.dynamixel import servo
+from tautwave_sim.loopback import LoopbackDriver
+from tests.reports.make import shipped
+from tests.rigs.running import Tree
+from tests.session.test_accepting import accept, checks, written
+
+pytestmark = pytest.mark.realtime
+
+FAKE = Ways("fake")
+
+
+def still(name: str) -> Tree:
+    """A shipped rig whose devices nobody holds or touches."""
+    data = shipped(name)
+    for key in ("hand", "environment"):
+        data["simulation"].pop(key, None)
+    return data
+
+
+def bench(folder: Path) -> Path:
+    return written(folder, still("bench-1dof-loopback"))
+
+
+def talk(answers: str, *, pauses: bool = False) -> tuple[Conversation, list[str]]:
+    said: list[str] = []
+    return Conversation(read_answers(answers, "answers"), said.append, str, pauses), said
+
+
+def led(rig: Path, stages: str, answers: str, **options: Any) -> tuple[Accepted, list[str]]:
+    """Accept the slave of a rig by a script of answers."""
+    pauses = options.pop("pauses", False)
+    asked = Acceptance(rig, ("slave.lever",), stages.split(","), 0.5, "a person")
+    conversation, said = talk(answers, pauses=pauses)
+    return lead(asked, conversation, out=rig.parent / "out", ways=FAKE, **options), said
+
+
+@pytest.fixture
+def verdicts(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[bool | type[BaseException]]]:
+    """Stages without devices: what each try of them finds, in their order; else they are good."""
+    given: dict[str, list[bool | type[BaseException]]] = {}
+
+    def found(stage: str, day: Day, talk: Conversation, out: Path, *, resumed: bool) -> list[Check]:
+        out.mkdir(parents=True)
+        (out / "rig.yaml").write_text("{}")
+        verdict = given[stage].pop(0) if given.get(stage) else True
+        if not isinstance(verdict, bool):
+            raise verdict("nobody answers")
+        return [
+            Check(
+                "sign" if stage == "hand" else stage, "a", {"tried": day.tries[stage]}, "", verdict
+            )
+        ]
+
+    monkeypatch.setattr(accepting, "_stage", found)
+    return given
+
+
+Verdicts = dict[str, list[bool | type[BaseException]]]
+
+
+def document(rig: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((rig.parent / "out" / FILE).read_text())
+    return content
+
+
+# -- repeated ---------------------------------------------------------------------------------
+
+
+def test_a_failed_stage_is_asked_for_again_and_both_tries_are_kept(
+    tmp_path: Path, verdicts: Verdicts
+) -> None:
+    rig = bench(tmp_path)
+    verdicts["hand"] = [False, False, True]
+    found, said = led(rig, "identity,hand,noise", "0 r\n0 r\n")
+    assert found.left == []
+    assert "hand was not passed. Enter: end here. r: do it again" in said
+    content = document(rig)
+    assert content["accepted"]
+    assert [one["measured"]["tried"] for one in content["earlier"]] == [1, 2]
+    assert [one["measured"]["tried"] for one in content["checks"]] == [1, 3, 1]
+    assert content["folders"] == {"identity": "identity", "hand": "hand-3", "noise": "noise"}
+    assert verify(tmp_path / "out" / FILE).wrong == []
+
+
+@pytest.mark.parametrize("answers", ["", "0\n", "0 n\n0\n"])
+def test_without_another_try_a_failed_stage_ends_it(
+    tmp_path: Path, verdicts: Verdicts, answers: str
+) -> None:
+    rig = bench(tmp_path)
+    verdicts["hand"] = [False]
+    found, said = led(rig, "identity,hand,noise", answers or "0\n")
+    assert found.left == ["hand", "noise"]
+    assert not [line for line in said if line.startswith("-- noise")]
+    assert document(rig)["ended_at"] == "hand"
+
+
+@pytest.mark.parametrize(
+    ("answers", "left", "tries"),
+    [
+        ("0\n0\n", [], {"identity": 1, "hand": 1, "noise": 1}),
+        ("0 r\n0\n0 R\n0 r\n0\n", [], {"identity": 2, "hand": 3, "noise": 1}),
+        ("0\n0 q\n", ["noise"], {"identity": 1, "hand": 1}),
+        ("0\n", ["noise"], {"identity": 1, "hand": 1}),
+    ],
+)
+def test_between_stages_a_person_goes_on_does_it_again_or_leaves(
+    tmp_path: Path, verdicts: Verdicts, answers: str, left: list[str], tries: dict[str, int]
+) -> None:
+    rig = bench(tmp_path)
+    found, said = led(rig, "identity,hand,noise", answers, pauses=True)
+    assert "Enter: go on to hand. r: identity again. q: stop here for now" in said
+    assert found.left == left
+    content = document(rig)
+    assert content["tries"] == tries
+    assert content["ended_at"] == (left[0] if left else "")
+    assert content["accepted"] == (not left)
+
+
+# -- resumed ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("end", [False, KeyboardInterrupt, ConfigError])
+@pytest.mark.parametrize("at", ["hand", "limits", "noise"])
+def test_what_was_passed_is_resumed_however_it_ended(
+    tmp_path: Path, verdicts: Verdicts, at: str, end: Any
+) -> None:
+    rig = bench(tmp_path)
+    stages = "identity,hand,limits,noise"
+    names = stages.split(",")
+    verdicts[at] = [end]
+    if end is False:
+        assert led(rig, stages, "0\n")[0].left == names[names.index(at) :]
+    else:
+        with pytest.raises(end):
+            led(rig, stages, "0\n")
+    content = document(rig)
+    assert content["ended_at"] == at
+    assert not content["accepted"]
+    found, said = led(rig, stages, "0\n", resume=True)
+    assert found.left == []
+    before = [line.split()[1][:-1] for line in said if line.endswith("passed before")]
+    assert before == names[1 : names.index(at)]
+    assert [line for line in said if line.startswith("-- identity: read only")]
+    assert document(rig)["folders"][at] == f"{at}-2"
+    found, said = led(rig, stages, "0\n", resume=True, redo=["hand"])
+    assert found.left == []
+    assert document(rig)["tries"]["hand"] == (3 if at == "hand" else 2)
+    assert "-- noise: passed before" in said
+    assert verify(tmp_path / "out" / FILE).wrong == []
+
+
+def test_an_end_before_anything_was_passed_leaves_no_document(
+    tmp_path: Path, verdicts: Verdicts
+) -> None:
+    verdicts["identity"] = [KeyboardInterrupt]
+    with pytest.raises(KeyboardInterrupt):
+        led(bench(tmp_path), "identity,hand", "0\n")
+    assert not (tmp_path / "out" / FILE).exists()
+
+
+def changed_rig(folder: Path) -> None:
+    text = (folder / "rig.yaml").read_text()
+    (folder / "rig.yaml").write_text(f"{text}\n# changed\n")
+
+
+def edited(folder: Path) -> None:
+    text = (folder / "out" / FILE).read_text()
+    (folder / "out" / FILE).write_text(text.replace('"good": false', '"good": true'))
+
+
+def of_another_version(folder: Path) -> None:
+    reseal(folder, version="0.1.9")
+
+
+def of_other_axes(folder: Path) -> None:
+    reseal(folder, axes=["master.lever"])
+
+
+def of_other_files(folder: Path) -> None:
+    reseal(folder, resolved_sha256="0" * 64)
+
+
+def without_state(folder: Path) -> None:
+    reseal(folder, counts=None)
+
+
+def gone(folder: Path) -> None:
+    (folder / "out" / FILE).unlink()
+
+
+def reseal(folder: Path, **changes: Any) -> None:
+    from tautwave.session.acceptance.document import content_digest
+
+    path = folder / "out" / FILE
+    content = {**json.loads(path.read_text()), **changes}
+    content = {key: value for key, value in content.items() if value is not None}
+    content["seal"] = {"sha256": content_digest(content)}
+    path.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (changed_rig, "cannot be resumed: the rig file changed since"),
+        (edited, "was changed after it was sealed"),
+        (of_another_version, "cannot be resumed: tautwave changed since"),
+        (of_other_axes, "cannot be resumed: the axes changed since"),
+        (of_other_files, "cannot be resumed: a file that the rig names changed since"),
+        (without_state, "was written by a tautwave that does not resume"),
+        (gone, "there is no acceptance.json to resume"),
+    ],
+)
+def test_what_is_not_of_this_rig_is_not_believed(
+    tmp_path: Path, change: Callable[[Path], None], said: str
+) -> None:
+    rig = bench(tmp_path)
+    asked, out = Acceptance(rig, ("slave.lever",), STAGES, 1.0, "me"), tmp_path / "out"
+    out.mkdir()
+    day = Day(asked, load_rig(rig), out, FAKE)
+    day.checks["identity"] = [Check("identity", "slave.lever", {}, "", False)]
+    day.seal()
+    change(tmp_path)
+    with pytest.raises(ConfigError, match=said):
+        day.resume(())
+
+
+def test_other_devices_end_a_resumed_day_and_change_nothing(tmp_path: Path) -> None:
+    rig = bench(tmp_path)
+    day = Day(Acceptance(rig, ("slave.lever",), STAGES, 1.0, "me"), load_rig(rig), tmp_path, FAKE)
+    day.devices = {"slave.lever": {"serial": "5", "model": "X"}}
+    day.compare({"slave.lever": {"serial": "5", "model": "X", "new": "of a newer version"}})
+    with pytest.raises(DeviceFault, match=r"slave\.lever: serial was 5, now 6; put them back"):
+        day.compare({"slave.lever": {"serial": "6", "model": "X"}})
+    with pytest.raises(DeviceFault, match="serial was 5, now not given"):
+        day.compare({})
+
+
+@pytest.mark.slow
+def test_a_resumed_day_meets_another_drive(tmp_path: Path) -> None:
+    rig = written(tmp_path, still("bench-dynamixel-sim"))
+    with pytest.raises(ConfigError, match="fewer answers"):
+        led(rig, "identity,touch", "0.1\n")
+    path = tmp_path / "out" / FILE
+    reseal(tmp_path, devices={"slave.lever": {"firmware": "12"}})
+    before = path.read_text()
+    with pytest.raises(DeviceFault, match="firmware was 12, now 48"):
+        led(rig, "identity,touch", "0.1\n", resume=True)
+    assert path.read_text() == before
+
+
+@pytest.mark.slow
+def test_a_person_their_axes_and_stages_are_those_that_were_begun(tmp_path: Path) -> None:
+    rig = bench(tmp_path)
+    done = accept(rig, "identity,touch", "0.1\n", "--axis", "slave.lever")
+    assert done.exit_code == 2  # nobody answered any more
+    kept = f"what was passed is kept; go on with: tautwave accept {rig} --resume {tmp_path / 'out'}"
+    assert kept in done.output
+    assert begun(tmp_path / "out") == ("a person", ["slave.lever"], ["identity", "touch"])
+    (tmp_path / "answers.txt").write_text("0.1\n0.1\n0.1 +\n")
+    words = ["accept", str(rig), "--resume", str(tmp_path / "out"), "--clock", "fake"]
+    script = ["--script", str(tmp_path / "answers.txt")]
+    done = CliRunner().invoke(main, [*words, *script])
+    assert done.exit_code == 0, done.output
+    assert "accepted by a person" in done.output
+    for more, said in (
+        (["--out", "x"], "--resume DIR goes on in DIR"),
+        (["--redo", "flying"], "'flying' is not one of identity"),
+    ):
+        done = CliRunner().invoke(main, [*words, *more])
+        assert done.exit_code == 2
+        assert said in done.output
+    done = CliRunner().invoke(main, ["accept", str(rig), "--by", "x", "--redo", "hand"])
+    assert "--redo goes with --resume DIR" in done.output
+
+
+# -- interrupted ------------------------------------------------------------------------------
+
+
+class Leaves(Scripted):
+    """Somebody who presses Ctrl-C at a question."""
+
+    def __init__(self, answers: str, at: int) -> None:
+        super().__init__([(0.1, line) for line in answers.split(",")])
+        self._question, self._at = 0, at
+
+    def ask(self, now_ns: int) -> None:
+        self._question += 1
+        super().ask(now_ns)
+
+    def take(self, now_ns: int) -> str | None:
+        if self._question == self._at:
+            raise KeyboardInterrupt
+        return super().take(now_ns)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("at", range(1, 7))
+def test_ctrl_c_at_any_question_leaves_nothing_on_and_keeps_what_was_passed(
+    tmp_path: Path, at: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    on: set[int] = set()
+    enabled: list[LoopbackDriver] = []
+    enable, disable = LoopbackDriver.enable_step, LoopbackDriver.disable
+
+    def enables(self: LoopbackDriver) -> bool:
+        enabled.append(self)
+        on.add(id(self))
+        return enable(self)
+
+    def disables(self: LoopbackDriver) -> None:
+        on.discard(id(self))
+        disable(self)
+
+    monkeypatch.setattr(LoopbackDriver, "enable_step", enables)
+    monkeypatch.setattr(LoopbackDriver, "disable", disables)
+    rig = bench(tmp_path)
+    stages = ["identity", "noise", "silence", "touch", "motion"]
+    said: list[str] = []
+    asked = Acceptance(rig, ("slave.lever",), stages, 0.5, "a person")
+    conversation = Conversation(Leaves(",,,,+,", at), said.append, str)
+    with pytest.raises(KeyboardInterrupt):
+        lead(asked, conversation, out=tmp_path / "out", ways=FAKE)
+    assert enabled
+    assert not on
+    passed = {1: 0, 2: 1, 3: 2, 4: 3, 5: 3, 6: 4}[at]
+    assert (tmp_path / "out" / FILE).exists() == (passed > 0)
+    if passed:
+        assert "what was passed is kept" in said[-1]
+        assert document(rig)["ended_at"] == stages[passed]
+        assert verify(tmp_path / "out" / FILE).wrong == []
+
+
+# -- waited for -------------------------------------------------------------------------------
+
+
+class Stub:
+    """Of a guided controller: positions that somebody moves, and what was said."""
+
+    def __init__(self, at: dict[str, float]) -> None:
+        self.at, self.said, self.now_ns = at, list[str](), 0
+
+    def position(self, name: str) -> float:
+        return self.at[name]
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def show(self, text: Callable[[], str]) -> None:
+        text()
+
+
+def waits(rig: Any, stub: Any, axes: tuple[str, ...], seconds: float, **options: Any) -> Any:
+    steps: Generator[None, None, Any] = wait_for_place(rig, axes, stub, **options)
+    return proceed(steps, stub, seconds)
+
+
+def proceed(steps: Generator[None, None, Any], stub: Any, seconds: float) -> Any:
+    """Let time pass; return the checks once it has them, else the guide."""
+    for _ in range(round(seconds / 0.05)):
+        try:
+            next(steps)
+        except StopIteration as ended:
+            return ended.value
+        stub.now_ns += 50_000_000
+    return steps
+
+
+def test_a_stage_that_needs_the_middle_asks_for_it_and_waits(tmp_path: Path) -> None:
+    rig = load_rig(bench(tmp_path))
+    low, high = middles(rig, ["slave.lever"])["slave.lever"]
+    stub = Stub({"master.lever": 0.0, "slave.lever": 0.49})
+    steps = waits(rig, stub, ("slave.lever",), 20.0, coupled=False)
+    assert stub.said == [
+        f"  waiting: move slave.lever towards the middle, between {low:.3g} and {high:.3g} rad; "
+        "it is at 0.49"
+    ]
+    stub.at["slave.lever"] = 0.1
+    assert proceed(steps, stub, 0.25) is steps  # it is to stand there
+    stub.at["slave.lever"] = 0.48
+    assert proceed(steps, stub, 1.0) is steps
+    stub.at["slave.lever"] = -0.1
+    assert proceed(steps, stub, 1.0) == []
+    assert len(stub.said) == 1
+    assert waits(rig, Stub({"slave.lever": 0.1}), ("slave.lever",), 0.1, coupled=False) == []
+    stub = Stub({"slave.lever": -0.49})
+    (check,) = waits(rig, stub, ("slave.lever",), WAIT_S + 1.0, coupled=False)
+    assert not check.good
+    assert "it is at -0.49" in check.measured["said"]
+
+
+@given(low=st.floats(-3.0, 3.0), span=st.floats(1e-3, 6.0), share=st.floats(0.0, 1.0))
+def test_the_middle_is_inside_every_range(low: float, span: float, share: float) -> None:
+    axis = SimpleNamespace(position_range=(low, low + span), kind="rotary")
+    (found,) = middles(SimpleNamespace(axes={"a": axis}), ["a"]).values()  # type: ignore[arg-type]
+    assert low < found[0] < found[1] < low + span
+    assert found[0] - low == pytest.approx(low + span - found[1], rel=1e-6, abs=1e-9)
+    free = SimpleNamespace(position_range=None, kind="rotary")
+    assert middles(SimpleNamespace(axes={"a": free}), ["a"]) == {}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("pair", "more", "at", "gap"),
+    [
+        ({"engage_tolerance": 0.05, "offset": 0.0}, {}, (0.3, 0.0), -0.3),
+        ({"engage_tolerance": 0.05, "offset": 0.0}, {}, (0.3, 0.29), None),
+        ({"engage_tolerance": 0.05, "offset": 0.0, "position_scale": 2.0}, {}, (0.3, 0.6), None),
+        ({"engage_tolerance": 0.05, "offset": 0.1}, {}, (0.3, 0.2), None),
+        ({"engage_tolerance": 0.05}, {}, (0.3, 0.0), None),
+        ({"engage_tolerance": 0.05, "offset": 0.0}, {"operate": {}}, (0.3, 0.0), None),
+    ],
+)  # fmt: skip
+def test_a_pair_is_brought_together_where_it_would_be_refused(
+    tmp_path: Path, pair: Tree, more: Tree, at: tuple[float, float], gap: float | None
+) -> None:
+    data = still("bench-1dof-loopback")
+    keys = data["coupling"]["pairs"]["lever"]
+    for key in ("wall_master", "wall_slave", "offset", "engage_tolerance"):
+        keys.pop(key, None)
+    keys |= pair
+    rig = load_rig(written(tmp_path, {**data, **more}), choose=False)
+    found = apart(rig, {"master.lever": at[0], "slave.lever": at[1]})
+    assert found == ({} if gap is None else {"lever": pytest.approx(gap)})
+
+
+# -- the watchdog, tripped on purpose ---------------------------------------------------------
+
+SPEAK = {
+    "bench-canopen-virtual": "EMCY 0x8130: heartbeat or life guarding lost",
+    "bench-dynamixel-sim": "its bus watchdog tripped",
+    "bench-mit-virtual": "its TIMEOUT(9) has passed and its torque is off",
+    "bench-modbus-rtu-sim": "the line was silent for too long",
+    "bench-modbus-tcp-sim": "the line was silent for too long",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SPEAK)
+def test_a_silent_host_trips_every_watchdog(name: str, tmp_path: Path) -> None:
+    rig = written(tmp_path, still(name))
+    found, _ = led(rig, "silence", "0.1\n")
+    (check,) = found.checks
+    assert check.good
+    assert SPEAK[name] in str(check.measured["said"])
+    assert float(check.measured["silent_s"]) > 2.0 * float(check.measured["watchdog_s"])
+
+
+@pytest.mark.slow
+def test_a_watchdog_that_does_not_trip_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A servo that takes its setting, reads it back, and waits for a thousand times as long."""
+    monkeypatch.setattr(servo, "WATCHDOG_UNIT_NS", 1000 * servo.WATCHDOG_UNIT_NS)
+    found, said = led(written(tmp_path, still("bench-dynamixel-sim")), "silence,touch", "0.1\n")
+    (check,) = found.checks
+    assert not check.good
+    assert check.measured["said"] == "nothing"
+    assert found.left == ["silence", "touch"]
+    assert [line for line in said if "FAILED, expected lets go by itself, and says so" in line]
+
+
+@pytest.mark.slow
+def test_devices_without_a_watchdog_are_named_where_they_are_allowed(tmp_path: Path) -> None:
+    rig = written(tmp_path, still("bench-feetech-sim"))
+    done = accept(rig, "identity,silence", "0.1\n0.1\n", "--allow-unwatched")
+    assert done.exit_code == 0, done.output
+    found = checks(rig)["silence", "slave.lever"]
+    assert found["measured"] == {"watchdog": "none, allowed by --allow-unwatched"}
+    assert document(rig)["unwatched"] == ["master.lever", "slave.lever"]
+
+
+# -- every stage ------------------------------------------------------------------------------
+
+NO_PERSON = [stage for stage in STAGES if stage not in ("hand", "limits", "watchdog", "effort")]
+
+
+@pytest.mark.slow
+@pytest.mark.nightly
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("name", ["bench-modbus-tcp-sim", "three-bus-sim", "bench-canopen-virtual"])
+def test_all_that_needs_no_person_passes_also_on_slow_buses(name: str, tmp_path: Path) -> None:
+    data = still(name)
+    rig = written(tmp_path, data)
+    axes = sum(len(data[side]["axes"]) for side in ("master", "slave"))
+    answers = "0.1\n" * 3 + "0.1\n0.1 +\n" * axes + "0.1\n" * 2
+    done = accept(rig, ",".join(NO_PERSON), answers, "--run-s", "1")
+    assert done.exit_code == 0, done.output
+    found = checks(rig)
+    for (stage, what), check in found.items():
+        if stage == "motion":
+            assert math.radians(0.5) < check["measured"]["moved"] < math.radians(5.0), what
+        if stage == "delay":
+            assert 0.0 < check["measured"]["moved"] < math.radians(1.0), what
+    limits = {}
+    for stage in ("gentle", "walls", "full"):
+        path = tmp_path / "out" / stage / "rig.yaml"
+        if path.exists():
+            ran = yaml.load(path.read_text(), yaml.CSafeLoader)
+            pairs = ran["coupling"]["pairs"].values()
+            walls = [pair[key] for pair in pairs for key in ("wall_master", "wall_slave")]
+            limits[stage] = next(iter(ran["slave"]["axes"].values()))["effort_limit"]
+            assert any(walls) == (stage != "gentle" and "walls" in limits), stage
+    assert limits["gentle"] == pytest.approx(0.1 * limits["full"])
+    assert limits.get("walls", limits["gentle"]) == limits["gentle"]
+
+
+def test_what_has_no_torque_comes_first() -> None:
+    assert set(STAGES[: len(FREE)]) == FREE
