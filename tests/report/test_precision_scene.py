@@ -147,7 +147,7 @@ def test_little_time_is_spent_where_the_scene_is_felt(
     given = f"simulation.hand.stick.reference.waypoints={waypoints}"
     directory = leave_run(tmp_path / "drum", "drum", 0.1, given)
     monkeypatch.setitem(precision_scene.SECONDS, "python", 1.0)
-    monkeypatch.setattr(precision_scene, "_base", hasty(precision_scene._base))
+    monkeypatch.setattr(precision_scene, "base_run", hasty(precision_scene.base_run))
     reported = facts_of(directory)
     assert reported["whole"] is False
     assert reported["replayed_equal"] is True

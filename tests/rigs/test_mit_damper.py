@@ -214,7 +214,7 @@ def test_a_wall_never_acts_without_its_damper() -> None:
     seen: list[tuple[float, bool]] = []
     run = run_rig(data, duration_s=0.001, raises=False)
     motor = type(run.assembly.simulators[0].world.motors[1])
-    decode = motor._decode
+    decode = motor.decode_order
 
     def noting(self: Any, frame: bytes) -> Any:
         order = decode(self, frame)
@@ -224,7 +224,7 @@ def test_a_wall_never_acts_without_its_damper() -> None:
         return order
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motor, "_decode", noting)
+        patch.setattr(motor, "decode_order", noting)
         run = run_rig(data, duration_s=2.5, raises=False)
     efforts = run["slave.lever.wall_effort"]
     assert (efforts != 0.0).sum() > 100

@@ -363,7 +363,7 @@ def test_a_coarse_effort_step_raises_the_impedance_as_far_as_the_certificate_goe
     assert found.value == 0.083  # half of it times 15 rad/s is 0.62 N m
     assert "as much as the effort step of slave.lever needs; else 0.079, bound" in found.reason
     assert certify(rig).passed
-    monkeypatch.setattr(choice, "_blocked", lambda *_: "the certificate of slave.lever")
+    monkeypatch.setattr(choice, "blocked_by", lambda *_: "the certificate of slave.lever")
     refused = first(*both("effort_quantum", 0.62), *both("effort_rate_limit", 1300))
     assert refused.choices["pairs.lever.wave_impedance"].value == 0.079
     assert "raise wave_impedance to 0.0827" in certify(refused).sentences()[0]

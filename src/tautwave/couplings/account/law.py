@@ -76,8 +76,8 @@ def _steps(
     """Return the account's steps around a law's, and its elements."""
     passing = inner.exchange
     if over:
-        said = {"law_credit": own.credit, "law_level": own.level, "law_hear": own.hear}
-        passing = bound(inner.exchange, said)
+        own_steps = {"law_credit": own.credit, "law_level": own.level, "law_hear": own.hear}
+        passing = bound(inner.exchange, own_steps)
     law: dict[str, Any] = {
         "law_start": inner.start,
         "law_engage": inner.engage,

@@ -68,11 +68,11 @@ def _between(rig: Rig, pair: str, delays: Delays) -> Iterator[Element]:
     )
     fine = Verdict(True, text)
     yield Element(name, "credits", pair, fine, fine, {}, (text,))
-    found = tuning(rig, pair, delays)
-    if found is not None:
-        bare = f"law of {pair}, bare: {tuning_sentence(rig, pair, found)}"
+    tuned = tuning(rig, pair, delays)
+    if tuned is not None:
+        bare = f"law of {pair}, bare: {tuning_sentence(rig, pair, tuned)}"
         aside = Verdict(True, bare)
-        yield Element(f"law of {pair}", "law", pair, aside, aside, found._asdict(), (bare,))
+        yield Element(f"law of {pair}", "law", pair, aside, aside, tuned._asdict(), (bare,))
 
 
 def _remedy(rig: Rig, pair: str) -> str:

@@ -20,13 +20,13 @@ TOUCH = 0.02
 
 def resolve(rig: Rig) -> dict[str, Choice]:
     """Return what each `auto` of a rig is, by its path in the coupling."""
-    found: dict[str, Choice] = {}
+    choices: dict[str, Choice] = {}
     for name, pair in rig.coupling.pairs.items():
         assert isinstance(pair, MediatedPair)
         for key, choice in _chosen(rig, name, pair).items():
             if getattr(pair, key) == AUTO:
-                found[f"pairs.{name}.{key}"] = choice
-    return found
+                choices[f"pairs.{name}.{key}"] = choice
+    return choices
 
 
 def _chosen(rig: Rig, name: str, pair: MediatedPair) -> dict[str, Choice]:

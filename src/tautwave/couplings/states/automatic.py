@@ -21,14 +21,14 @@ MORE = 1.1
 
 def resolve(rig: Rig) -> dict[str, Choice]:
     """Return what each `auto` of a rig is, by its path in the coupling."""
-    found: dict[str, Choice] = {}
+    choices: dict[str, Choice] = {}
     for name, pair in rig.coupling.pairs.items():
         assert isinstance(pair, ServoPair)
         chosen = _gains(rig, name, pair)
         for key, choice in chosen.items():
             if getattr(pair, key, None) == AUTO:
-                found[f"pairs.{name}.{key}"] = choice
-    return found
+                choices[f"pairs.{name}.{key}"] = choice
+    return choices
 
 
 def _gains(rig: Rig, name: str, pair: ServoPair) -> dict[str, Choice]:

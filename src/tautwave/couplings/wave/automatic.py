@@ -11,12 +11,12 @@ KEYS = ("wave_filter_hz", "wave_impedance", "pole_master", "pole_slave")
 
 def resolve(rig: Rig) -> dict[str, Choice]:
     """Return what each `auto` of a rig is, by its path in the coupling."""
-    found: dict[str, Choice] = {}
+    choices: dict[str, Choice] = {}
     for name, pair in rig.coupling.pairs.items():
         if any(getattr(pair, key) == AUTO for key in KEYS):
             # The certificate is asked: a rig that gives its numbers does not load it.
             from tautwave.couplings.wave.choice import choose_pair
 
             chosen = choose_pair(rig, name)
-            found |= {f"pairs.{name}.{key}": chosen[key] for key in KEYS if key in chosen}
-    return found
+            choices |= {f"pairs.{name}.{key}": chosen[key] for key in KEYS if key in chosen}
+    return choices

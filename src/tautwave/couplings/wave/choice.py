@@ -205,33 +205,33 @@ def _impedance(asked: Asked, pair: WavePair) -> Choice:
     free = [f"pole_{side}" for side in SIDES if getattr(pair, f"pole_{side}") == AUTO]
     bound = least_bound(asked, _with(pair, **dict.fromkeys(free, POLES[0])))
     top = two_digits(bound.impedance)
-    found, cause = top, f"bound by {bound.cause}"
+    impedance, cause = top, f"bound by {bound.cause}"
     if min(asked.left.values()) > 0.0:
         tried = [(POLES[:count], QUIETER) for count in range(1, len(POLES) - 1)]
         for poles, softer in (*tried, (POLES[:-1], FEWER), (POLES, SOFTER)):
-            side = _blocked(asked, pair, poles, top)
+            side = blocked_by(asked, pair, poles, top)
             if not side:
                 break
             low, high = top / softer, top
-            if _blocked(asked, pair, poles, two_digits(low)):
+            if blocked_by(asked, pair, poles, two_digits(low)):
                 continue
             for _ in range(HALVINGS if softer > QUIETER else FEW_HALVINGS):
                 middle = math.sqrt(low * high)
-                stop = _blocked(asked, pair, poles, two_digits(middle))
+                stop = blocked_by(asked, pair, poles, two_digits(middle))
                 low, high, side = (low, middle, stop) if stop else (middle, high, side)
-            found, cause = two_digits(low), f"bound by {side}"
+            impedance, cause = two_digits(low), f"bound by {side}"
             break
         else:
             cause += "; none is certified"
     coarse = _coarse(asked, pair)
     needed = two_digits(coarse.impedance, up=True)
-    if needed > found and not _blocked(asked, pair, POLES, needed).startswith(CERTIFICATE):
-        cause = f"as much as {coarse.cause} needs; else {found:g}, {cause}"
-        found = needed
-    return Choice(found, f"{found:g} {unit}, {cause}")
+    if needed > impedance and not blocked_by(asked, pair, POLES, needed).startswith(CERTIFICATE):
+        cause = f"as much as {coarse.cause} needs; else {impedance:g}, {cause}"
+        impedance = needed
+    return Choice(impedance, f"{impedance:g} {unit}, {cause}")
 
 
-def _blocked(asked: Asked, pair: WavePair, poles: Sequence[float | str], impedance: float) -> str:
+def blocked_by(asked: Asked, pair: WavePair, poles: Sequence[float | str], impedance: float) -> str:
     """Return what forbids an impedance with the first of some poles that is taken, or nothing."""
     pair = _with(pair, wave_impedance=impedance)
     for side in asked.left:

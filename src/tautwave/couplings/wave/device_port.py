@@ -69,9 +69,9 @@ _suggested = functools.lru_cache(maxsize=512)(suggested_spring)
 
 def pair_of(rig: Rig, axis_name: str) -> WavePair:
     """Return the keys of an axis' pair."""
-    found = rig.coupling.pairs[axis_name.split(".")[1]]
-    assert isinstance(found, WavePair)
-    return found
+    keys = rig.coupling.pairs[axis_name.split(".")[1]]
+    assert isinstance(keys, WavePair)
+    return keys
 
 
 def port_of(
@@ -136,12 +136,12 @@ def binding(rig: Rig, axis_name: str, delays: Delays, damping: float) -> str:
         softer = keys.model_copy(update={"wave_filter_hz": keys.wave_filter_hz / TENTH})
         lower = port_of(rig, axis_name, delays, damping, softer)
         better["a 10 % lower wave filter"] = lower
-    found = [(_share(port, before), _share(port, before), what) for what, port in better.items()]
+    shares = [(_share(port, before), _share(port, before), what) for what, port in better.items()]
     if now.delay > 0:
         share = _share(port_of(rig, axis_name, delays, damping, sooner=1), before)
         weighed = share * math.log(TENTH) / math.log((now.delay + 1.0) / now.delay)
-        found.append((weighed, share, "one period less command delay"))
-    _, share, what = max(found)
+        shares.append((weighed, share, "one period less command delay"))
+    _, share, what = max(shares)
     if share < 0.005:
         return ""
     return f"{what} raises that by {100.0 * math.expm1(share):.0f} %"
@@ -201,7 +201,7 @@ def _more_of_the_device(rig: Rig, axis_name: str, delays: Delays, left: float) -
                 rig, axis_name, delays, factor * left
             ),
         }
-        found = [what for what, port in ways.items() if port.contracting]
-        if found:
-            return f"no key of the pair is enough; {' or '.join(found)} is"
+        enough = [what for what, port in ways.items() if port.contracting]
+        if enough:
+            return f"no key of the pair is enough; {' or '.join(enough)} is"
     return "no key of the pair is enough, nor is eight times the rate, the inertia or the damping"

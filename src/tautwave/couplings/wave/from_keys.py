@@ -84,10 +84,10 @@ def declared_noise(pair: WavePair, side: str, axis: CoupledAxis) -> NoisePower:
     whole = axis.delay + (1 if axis.late > 0.0 else 0)
     port = bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late)
     observer = observer_of(pair, side, axis.period, axis.inertia)
-    found = noise_power(
+    power = noise_power(
         port, observer, whole, axis.position_noise, axis.encoder_quantum, axis.noise_lags
     )
-    return found._replace(lost=to_nine_digits(found.lost))
+    return power._replace(lost=to_nine_digits(power.lost))
 
 
 def to_nine_digits(power: float) -> float:
@@ -101,14 +101,14 @@ def to_nine_digits(power: float) -> float:
 def swing_lag(pair: WavePair, side: str, axis: CoupledAxis) -> float:
     """Return what the observer's lag can take from a tank [W] while a lever is moved hard."""
     assert axis.inertia is not None
-    found = lag_power(
+    power = lag_power(
         bare_port(pair, side, axis.period, axis.inertia, axis.delay + axis.late),
         observer_of(pair, side, axis.period, axis.inertia),
         axis.delay + (1 if axis.late > 0.0 else 0),
         axis.effort_limit,
         axis.velocity_limit,
     )
-    return to_nine_digits(found)
+    return to_nine_digits(power)
 
 
 def effort_steps(axis: CoupledAxis) -> float:

@@ -108,8 +108,8 @@ class WavePair(Pair):
     def pole(self, side: str) -> float | None:
         """Return the pole of one side's observer, None for none."""
         key = f"pole_{side}"
-        found = getattr(self, key)
-        return None if found == PLAIN else _chosen(key, found)
+        stated = getattr(self, key)
+        return None if stated == PLAIN else _chosen(key, stated)
 
     def filter_step(self, period_s: float) -> float:
         """Return the step of the wave filter [1] at an axis' period [s]; 1 without one."""

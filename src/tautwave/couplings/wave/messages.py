@@ -147,7 +147,7 @@ def noise_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
 
 def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
     """Yield a hint on the axis whose slow effort leaves it least of its limit at rest."""
-    found = []
+    ranked = []
     for axis_name, axis in rig.axes.items():
         claim = claim_of(rig, axis_name, delays)
         has = allowance_of(rig, axis_name, delays)
@@ -158,12 +158,12 @@ def ramp_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
         if held < limit:
             enough = limit * limit / (period * limit + 2.0 * math.sqrt(2.0 * mass * claim.reserve))
             enough *= has.effort_rate / has.shared_rate  # a carried load has its share
-            found.append((held / limit, axis_name, held, limit / has.shared_rate, enough))
-    if not found:
+            ranked.append((held / limit, axis_name, held, limit / has.shared_rate, enough))
+    if not ranked:
         return
-    share, axis_name, held, fall, enough = min(found)
+    share, axis_name, held, fall, enough = min(ranked)
     unit = "N m" if rig.axes[axis_name].kind == "rotary" else "N"
-    others, more = len(found) - 1, ""
+    others, more = len(ranked) - 1, ""
     if others:
         which = "one more axis holds" if others == 1 else f"{others} more axes hold"
         more = f"; {which} less than the limit as well"
