@@ -41,7 +41,7 @@ def keep_accepted(rig: Path, devices: Devices, by: str, document: Path) -> Path:
         "by": by,
         "accepted_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         "document": str(document),
-        "devices": {**kept, **{name: dict(said) for name, said in devices.items()}},
+        "devices": {**kept, **{name: dict(reported) for name, reported in devices.items()}},
     }
     write_text(path, json.dumps(content, indent=2) + "\n")
     return path
@@ -58,8 +58,8 @@ def _read(path: Path) -> Devices:
     try:
         devices = parse_json(read_file(path, LARGEST).decode())["devices"]
         return {
-            str(name): {str(key): str(value) for key, value in said.items()}
-            for name, said in devices.items()
+            str(name): {str(key): str(value) for key, value in reported.items()}
+            for name, reported in devices.items()
         }
     except OSError as err:
         raise ConfigError(f"{path}: cannot be read: {err.strerror}") from err
@@ -87,12 +87,12 @@ def comparing(
             return
         path = accepted_path(rig.source)
         known = _read(path) if path.exists() else {}
-        said = {name: one for bus in buses for name, one in identities(bus.driver).items()}
+        reported = {name: one for bus in buses for name, one in identities(bus.driver).items()}
         changes = [
-            f"{name}: {key} was {then}, now {said.get(name, {}).get(key, 'not given')}"
+            f"{name}: {key} was {then}, now {reported.get(name, {}).get(key, 'not given')}"
             for name in names
             for key, then in known.get(name, {}).items()
-            if said.get(name, {}).get(key) != then
+            if reported.get(name, {}).get(key) != then
         ]
         if changes:
             raise DeviceFault(

@@ -117,8 +117,8 @@ def _signer(seal: Mapping[str, Any], content: Mapping[str, Any], digest: str, ke
     from tautwave.sites.signing import Signature, signer_of
 
     try:
-        found = Signature(base64.b64decode(seal["signature"]), seal["certificate"].encode())
+        signature = Signature(base64.b64decode(seal["signature"]), seal["certificate"].encode())
         sealed = datetime.fromisoformat(content["sealed_utc"]).astimezone(UTC)
     except (ValueError, KeyError, TypeError, AttributeError) as err:
         raise ConfigError("its signature cannot be read") from err
-    return signer_of(found, digest.encode(), sealed, keys)
+    return signer_of(signature, digest.encode(), sealed, keys)

@@ -63,18 +63,18 @@ def sensor_checks(rig: Rig, name: str, stage: str, rests: Sequence[Rest]) -> lis
     believed = 0.0 if axis.coulomb is None else axis.coulomb.value
     friction = most_at_rest(believed, axis.effort_limit)
     columns = (np.array(column) for column in zip(*rests, strict=True))
-    found = sensor_balance(Rests(*columns), friction)
-    if found is None:
+    balance = sensor_balance(Rests(*columns), friction)
+    if balance is None:
         numbers: dict[str, float | str] = {"friction": friction}
         return [Check(stage, f"{name} sensor", numbers, "an offset and a scale for all", False)]
-    (low, high), (least, most) = found.offset, found.scale
+    (low, high), (least, most) = balance.offset, balance.scale
     checks = []
     if math.isfinite(most):
         numbers = {"scale_from": least, "scale_to": most}
-        good = 1.0 in found.scale
+        good = 1.0 in balance.scale
         checks.append(Check(stage, f"{name} sensor scale", numbers, "1 in between", good))
-    if 1.0 in found.scale:
+    if 1.0 in balance.scale:
         numbers = {"offset_from": low, "offset_to": high}
-        good = 0.0 in found.offset
+        good = 0.0 in balance.offset
         checks.append(Check(stage, f"{name} sensor offset", numbers, "0 in between", good))
     return checks

@@ -38,12 +38,12 @@ def measure_by_hand(
     rig: Rig, axes: Sequence[str], steps: Sequence[str], control: GuidedControl
 ) -> Steps:
     """Measure what the steps ask for, side by side."""
-    found: Found = dict.fromkeys(axes, Measured())
+    measured: Found = dict.fromkeys(axes, Measured())
     for side in ("master", "slave"):
         own = [name for name in axes if name.startswith(f"{side}.")]
         if own:
-            yield from _side(rig, side, own, steps, control, found)
-    return found
+            yield from _side(rig, side, own, steps, control, measured)
+    return measured
 
 
 def _side(

@@ -73,11 +73,11 @@ def find_stops(
         f"{', '.join(ways)}: the drives are enabled, and each axis moves to its stop in turn; "
         "keep clear, then press Enter"
     )
-    found, delays = {}, command_delays(rig)
+    stops, delays = {}, command_delays(rig)
     for name, way in ways.items():
-        found[name] = yield from _find(control, name, way, stop_law(rig, name, delays[name]))
-        control.say(f"  {name}: stop at {found[name]:+.4f} in device coordinates")
-    return found
+        stops[name] = yield from _find(control, name, way, stop_law(rig, name, delays[name]))
+        control.say(f"  {name}: stop at {stops[name]:+.4f} in device coordinates")
+    return stops
 
 
 def _find(

@@ -198,12 +198,12 @@ def _identify(
     )
     assert middle.result is not None
     for name in able:
-        found = _identified(rig, name, asked, talk, out, ways, progress)
-        believed = beliefs(found.fit)
+        result = _identified(rig, name, asked, talk, out, ways, progress)
+        believed = beliefs(result.fit)
         axes[name] |= believed
         write_calibration(path, rig.name, _rounded(axes))  # the next one may fail
         numbers = ", ".join(f"{key} {belief['value']:.3g}" for key, belief in believed.items())
-        talk.say(f"  {name}: {numbers}; explains {found.fit.explained:.0%}")
+        talk.say(f"  {name}: {numbers}; explains {result.fit.explained:.0%}")
 
 
 def _identified(
@@ -233,14 +233,14 @@ def _identified(
     *gentle, most = TRIES
     for share, longer in gentle:
         try:
-            found = shaken(share, longer)
+            result = shaken(share, longer)
         except RecordingError:
             talk.say(
                 f"  {name}: {share:.0%} of its effort limit does not move it enough; increasing"
             )
             continue
-        if found.fit.damping.lower > 0.0:
-            return found
+        if result.fit.damping.lower > 0.0:
+            return result
         talk.say(
             f"  {name}: its damping cannot be distinguished from its friction yet; exciting longer"
         )
@@ -262,7 +262,7 @@ def _rounded(axes: Axes) -> Axes:
             else [round(end, 6) for end in value]
             if isinstance(value, list)
             else value
-            for key, value in found.items()
+            for key, value in keys.items()
         }
-        for name, found in axes.items()
+        for name, keys in axes.items()
     }

@@ -29,10 +29,10 @@ def calibration_text(rig_name: str, axes: Axes) -> str:
         "# a manual change is rejected until `tautwave calibrate` runs again. SI units.",
         "axes:",
     ]
-    for name, found in axes.items():
+    for name, measured in axes.items():
         lines.append(f"  {name}:")
-        keys = [key for key in ("device", "zero", "direction", *MEASURED) if key in found]
-        lines += [f"    {key}: {flow_yaml(found[key])}" for key in keys]
+        keys = [key for key in ("device", "zero", "direction", *MEASURED) if key in measured]
+        lines += [f"    {key}: {flow_yaml(measured[key])}" for key in keys]
     return "\n".join(lines) + "\n"
 
 
