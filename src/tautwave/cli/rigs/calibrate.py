@@ -106,25 +106,25 @@ def calibrate(
     ways = Ways(clock, simulate, attach, allow_unwatched, configure)
     try:
         with Progress("calibrate") as progress:
-            file, found = run(
+            file, calibration = run(
                 rig, asked, conversation(script), out=directory, ways=ways, progress=progress
             )
     finally:
         with suppress(OSError):
             directory.rmdir()  # removes it only if it is empty
-    for name, one in found.items():
+    for name, one in calibration.items():
         low, high = one.get("position_range", ("?", "?"))
         span = f", range {low:.3f} to {high:.3f}" if "position_range" in one else ""
         click.echo(f"{name}: zero {one['zero']:+.4f}, direction {one['direction']:+d}{span}")
-    click.echo(f"{file}: {len(found)} axes, named in {rig}")
+    click.echo(f"{file}: {len(calibration)} axes, named in {rig}")
 
 
 def _stops(given: Sequence[str]) -> dict[str, float]:
-    found = {}
+    stops = {}
     for text in given:
         name, _, at = text.partition("=")
         try:
-            found[name] = float(at)
+            stops[name] = float(at)
         except ValueError as err:
             raise ConfigError(f"calibrate: --stop {text!r}: write AXIS=POSITION") from err
-    return found
+    return stops
