@@ -41,19 +41,19 @@ def last_line(name: str, summary: Summary, exit_code: int) -> str:
 
 def events(summary: Summary) -> list[str]:
     """Return what happened in a run, in words: engaged time, faults, stops, times cut off."""
-    found = []
+    happened = []
     operation, faults = summary.operation, len(_faults(summary))
     if operation is not None:
         engaged, whole = operation.engaged_s or 0.0, summary.duration_s
         span = f" of {_seconds(whole)}" if whole else ""
-        found.append(f"engaged {_seconds(engaged)}{span}" if engaged else "never engaged")
+        happened.append(f"engaged {_seconds(engaged)}{span}" if engaged else "never engaged")
         faults = max(faults, sum(one.word == FAULT for one in operation.journal))
         stops = sum(one.word == STOP and not one.refused for one in operation.journal)
-        found += [_times(stops, "stop")] if stops else []
-    found += [_times(faults, "fault")] if faults else []
+        happened += [_times(stops, "stop")] if stops else []
+    happened += [_times(faults, "fault")] if faults else []
     cut = _cut_off(summary)
-    found += [f"cut off {_times(cut, 'time')}"] if cut else []
-    return found
+    happened += [f"cut off {_times(cut, 'time')}"] if cut else []
+    return happened
 
 
 def eventful(summary: Summary) -> bool:

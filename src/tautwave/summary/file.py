@@ -48,10 +48,10 @@ def write_summary(directory: Path, summary: Summary) -> None:
 
 def with_unwritten_report(summary: Summary, reason: str, no_room: bool) -> Summary:
     """Return a summary that says why its report is missing; without room the run is incomplete."""
-    said = f"the report could not be written: {reason}"
-    update = {"report_error": said}
+    sentence = f"the report could not be written: {reason}"
+    update = {"report_error": sentence}
     if no_room:
-        update["incomplete"] = "; ".join(filter(None, (summary.incomplete, said)))
+        update["incomplete"] = "; ".join(filter(None, (summary.incomplete, sentence)))
     return summary.model_copy(update=update)
 
 
@@ -96,14 +96,14 @@ def checked(model: type[Part], data: Any) -> Part:
 
 def summary_of(data: Mapping[str, Any]) -> tuple[Summary, list[str]]:
     """Return data as a summary, and a sentence on each value in it that is left out as wrong."""
-    found: Any = upgraded(data)
+    known: Any = upgraded(data)
     wrong: list[str] = []
     while True:
         try:
-            return checked(Summary, found), wrong
+            return checked(Summary, known), wrong
         except ValidationError as err:
             for place, sentence in _mistakes(err):
-                found = _without(found, place)
+                known = _without(known, place)
                 wrong += [f"{NAME}: {sentence}"] if sentence else []
 
 
@@ -116,8 +116,8 @@ def _mistakes(err: ValidationError) -> Iterator[tuple[tuple[str | int, ...], str
         if one["type"] == "extra_forbidden":
             yield place, ""
         else:
-            said = f"{'.'.join(map(str, one['loc']))}: {one['msg']}"
-            yield place, f"{said}; it is left out"
+            sentence = f"{'.'.join(map(str, one['loc']))}: {one['msg']}"
+            yield place, f"{sentence}; it is left out"
 
 
 def _without(data: Any, place: tuple[str | int, ...]) -> Any:

@@ -16,55 +16,55 @@ Data = dict[str, Any]
 
 def upgraded(data: Mapping[str, Any]) -> Data:
     """Return a summary of any version as the newest has it, as far as it can be understood."""
-    found = dict(data)
-    version = found.get("format", 1)
+    newest = dict(data)
+    version = newest.get("format", 1)
     for step in range(version if isinstance(version, int) else 1, SUMMARY):
-        found = _STEPS[step](found)
-    return found
+        newest = _STEPS[step](newest)
+    return newest
 
 
 def _typed(data: Data) -> Data:
     """Version 1 to 2: sentences that were parsed back become objects."""
-    found = {**data, "format": 2}
-    if isinstance(found.get("outcome"), str):
-        found["outcome"] = {"kind": found["outcome"]}
-    if "left_out" in found:
-        found["left_out"] = [_unused(one) for one in _list(found["left_out"])]
-    if "faults" in found:
-        found["faults"] = _faults(found["faults"])
-    found["axes"] = {
+    typed = {**data, "format": 2}
+    if isinstance(typed.get("outcome"), str):
+        typed["outcome"] = {"kind": typed["outcome"]}
+    if "left_out" in typed:
+        typed["left_out"] = [_unused(one) for one in _list(typed["left_out"])]
+    if "faults" in typed:
+        typed["faults"] = _faults(typed["faults"])
+    typed["axes"] = {
         name: {**axis, "faults": _faults(axis.get("faults"))} if isinstance(axis, dict) else {}
-        for name, axis in _dict(found.get("axes")).items()
+        for name, axis in _dict(typed.get("axes")).items()
     }
-    pairs = {name: dict(_dict(pair)) for name, pair in _dict(found.get("pairs")).items()}
-    delay = found.pop("coupling_delay_s", None)  # once of the rig, or by pair beside the pairs
+    pairs = {name: dict(_dict(pair)) for name, pair in _dict(typed.get("pairs")).items()}
+    delay = typed.pop("coupling_delay_s", None)  # once of the rig, or by pair beside the pairs
     for name, pair in pairs.items():
         known = delay.get(name) if isinstance(delay, dict) else delay
         if known is not None:
             pair.setdefault("coupling_delay_s", known)
-    found["pairs"] = pairs
-    if isinstance(found.get("certificate"), dict):
-        found["certificate"] = _certificate(found["certificate"])
-    found.pop("skipped_slots", None)  # of a rebuilt one: missed_cycles, once more
-    return found
+    typed["pairs"] = pairs
+    if isinstance(typed.get("certificate"), dict):
+        typed["certificate"] = _certificate(typed["certificate"])
+    typed.pop("skipped_slots", None)  # of a rebuilt one: missed_cycles, once more
+    return typed
 
 
 def _certificate(data: Data) -> Data:
-    found = dict(data)
+    certificate = dict(data)
     for key in ("verdicts", "loops"):
-        found[key] = {
+        certificate[key] = {
             name: one
             if isinstance(one, dict)
             else {"passed": True, "state": "passed"}
             if one is True
             else {}
-            for name, one in _dict(found.get(key)).items()
+            for name, one in _dict(certificate.get(key)).items()
         }
-    elements = _dict(found.get("elements"))
-    found["elements"] = {name: _dict(one) for name, one in elements.items()}
-    if "after_run" in found and not isinstance(found["after_run"], dict):
-        del found["after_run"]
-    return found
+    elements = _dict(certificate.get("elements"))
+    certificate["elements"] = {name: _dict(one) for name, one in elements.items()}
+    if "after_run" in certificate and not isinstance(certificate["after_run"], dict):
+        del certificate["after_run"]
+    return certificate
 
 
 def _unused(entry: Any) -> Data:
