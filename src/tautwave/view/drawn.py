@@ -58,7 +58,7 @@ class Drawn:
 
     def pose(self, row: Sequence[float]) -> list[dict[str, Any]]:
         """Return points [m] and forces [N] at a row; one without a sample repeats the last."""
-        found = []
+        pieces = []
         for k, arm in enumerate(self._arms):
             posture = [row[at] for at in self._joints[k]]
             if all(math.isfinite(q) for q in posture):
@@ -70,8 +70,8 @@ class Drawn:
                     along[axis] = factor * row[at] if math.isfinite(row[at]) else 0.0
                 x, y, z = zip(*arm.frame, strict=True)
                 forces[name] = [_dot(along, x), _dot(along, y), _dot(along, z)]
-            found.append({"points": self._points[k], "forces": forces})
-        return found
+            pieces.append({"points": self._points[k], "forces": forces})
+        return pieces
 
 
 def _dot(one: Sequence[float], other: Sequence[float]) -> float:
@@ -99,11 +99,11 @@ def _walls(arm: ArmParts, points: Sequence[Point]) -> dict[str, Any]:
     from tautwave.report.arms.solids import wires_of
 
     frame, reach, tip = np.array(arm.frame), _reach(points), np.array(points[-1])
-    found = {}
+    outlines = {}
     for name, wall in arm.walls.items():
         lines, patches = wires_of(wall, frame, reach, tip)
-        found[name] = {
+        outlines[name] = {
             "lines": [line.tolist() for line in lines],
             "patches": [patch.tolist() for patch in patches],
         }
-    return found
+    return outlines

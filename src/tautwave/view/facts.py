@@ -75,14 +75,14 @@ def _tunables(facts: Mapping[str, Any] | None) -> list[dict[str, Any]]:
 
 def _refusals() -> dict[str, dict[str, str]]:
     """Return why commands are refused, by state and word; what is not here is possible."""
-    found = {}
+    refusals = {}
     for state in STATES:
         now = Standing(state)
         words = [word for word in COMMANDS if follow(now, word) is None]
-        found[state] = {word: refusal(now, word) for word in words}
+        refusals[state] = {word: refusal(now, word) for word in words}
         if why := Journal().misplaced("", state):
-            found[state][EPISODE] = why
-    return found
+            refusals[state][EPISODE] = why
+    return refusals
 
 
 def _pair(live: Live, rig: Rig, name: str) -> dict[str, Any]:
@@ -100,8 +100,8 @@ def _met(rig: Rig, axis_name: str) -> float | None:
     """Return the place of the simulated wall that a slave meets, None without one."""
     side, _, name = axis_name.partition(".")
     environment = {} if rig.simulation is None or side != "slave" else rig.simulation.environment
-    found = environment.get(name)
-    return found.position if isinstance(found, SolidWall) else None
+    met = environment.get(name)
+    return met.position if isinstance(met, SolidWall) else None
 
 
 def _scene_axis(rig: Rig, name: str) -> dict[str, Any]:
@@ -131,5 +131,5 @@ def _side(rig: Rig, axis_name: str) -> dict[str, Any]:
 
 def _elements(live: Live, pair: str) -> list[str]:
     """Return the elements of a pair that have an account of their own, in their order."""
-    found = (ELEMENT.fullmatch(column) for column in live.columns)
-    return [m["element"] for m in found if m is not None and m["pair"] == pair]
+    matches = (ELEMENT.fullmatch(column) for column in live.columns)
+    return [m["element"] for m in matches if m is not None and m["pair"] == pair]

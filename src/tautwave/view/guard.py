@@ -52,8 +52,8 @@ class Door(NamedTuple):
         shown = f"[{self.address}]" if ":" in self.address else self.address
         names = {shown, "localhost"} if self.local else {shown}
         default = {443 if self.tls else 80} == {self.port}
-        found = {f"{name}:{self.port}" for name in names}
-        return frozenset(found | names if default else found)
+        with_port = {f"{name}:{self.port}" for name in names}
+        return frozenset(with_port | names if default else with_port)
 
     @property
     def origins(self) -> frozenset[str]:

@@ -84,14 +84,14 @@ class Page(NamedTuple):
 def page_files() -> Mapping[str, Page]:
     """Return the files that are served, by path."""
     root = files("tautwave.view").joinpath("page")
-    found: dict[str, Page] = {}
+    pages: dict[str, Page] = {}
     for folder, path in ((root, "/"), (root.joinpath("uplot"), "/uplot/")):
         for entry in folder.iterdir():
             kind = TYPES.get(Path(entry.name).suffix)
             if entry.is_file() and kind is not None:
-                found[path + entry.name] = Page(entry.read_bytes(), kind)
-    found["/"] = found["/index.html"]
-    return found
+                pages[path + entry.name] = Page(entry.read_bytes(), kind)
+    pages["/"] = pages["/index.html"]
+    return pages
 
 
 class Server:

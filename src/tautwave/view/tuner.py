@@ -93,11 +93,11 @@ async def tune(run: Watched, rig: Rig, asked: Asked) -> str:
         sets = [wanted] if corner == wanted else [wanted, corner]
         rigs = (one for values in sets for one in at_every_scale(rig, values))
         jobs = (certify_change(*one, facts["hardware"]) for one in rigs)
-        found = await asyncio.gather(*jobs, return_exceptions=True)
-        there = len(found) // len(sets)
-        for error in filter(None, found[:there]):
+        refusals = await asyncio.gather(*jobs, return_exceptions=True)
+        there = len(refusals) // len(sets)
+        for error in filter(None, refusals[:there]):
             raise error
-        for error in filter(None, found[there:]):
+        for error in filter(None, refusals[there:]):
             raise NotCertifiedError(
                 f"certified there, but not in between: first lower, then raise. {error}"
             ) from error
@@ -112,12 +112,12 @@ def _certified(rig: Rig, values: Mapping[str, float]) -> dict[str, float]:
     tuned is the ceiling of wall and coupling; a rig's limit is of its load too.
     """
     kept = rig.scene is None and coupling_law(rig).alike
-    found = {path: value for path, value in values.items() if kept or not _is_limit(path)}
-    for path in filter(_is_limit, found):
+    wanted = {path: value for path, value in values.items() if kept or not _is_limit(path)}
+    for path in filter(_is_limit, wanted):
         side, _, name, _ = path.split(".")
         has = axis_allowance(rig, f"{side}.{name}", AT_ONCE)
-        found[path] = min(found[path] + has.load_effort, has.effort)
-    return found
+        wanted[path] = min(wanted[path] + has.load_effort, has.effort)
+    return wanted
 
 
 def _is_limit(path: str) -> bool:
@@ -153,16 +153,16 @@ async def certify_change(rig: Rig, changed: Rig, hardware: Sequence[str]) -> Non
     )  # fmt: skip
     try:
         async with asyncio.timeout(TIMEOUT_S):
-            out, said = await child.communicate(resolved_yaml(changed).encode())
+            out, errors = await child.communicate(resolved_yaml(changed).encode())
     except TimeoutError as error:
         child.kill()
         raise NotCertifiedError(f"no certificate within {TIMEOUT_S:g} s") from error
     if child.returncode != 0:
-        raise NotCertifiedError(said.decode("utf-8", "replace").strip() or "no certificate")
-    found = parse_json(out.decode())
-    if not found["passed"]:
-        raise NotCertifiedError(" ".join(found["sentences"]))
-    for axis, wall in found["walls"].items():
+        raise NotCertifiedError(errors.decode("utf-8", "replace").strip() or "no certificate")
+    certificate = parse_json(out.decode())
+    if not certificate["passed"]:
+        raise NotCertifiedError(" ".join(certificate["sentences"]))
+    for axis, wall in certificate["walls"].items():
         if wall["rendered_stiffness"] < wall["asked_stiffness"]:
             least = wall["rendered_stiffness"]
             raise NotCertifiedError(f"wall of {axis}: certified up to a stiffness of {least:.4g}")

@@ -134,8 +134,8 @@ class Viewer:
 def fields_of(message: str | bytes) -> Mapping[str, Any]:
     """Return the object of a message, {} if it is none."""
     with suppress(ValueError, RecursionError):
-        found = parse_json(message) if isinstance(message, str) else None
-        if isinstance(found, dict):
-            json.dumps(found, ensure_ascii=False).encode()  # half a character is no text
-            return found
+        fields = parse_json(message) if isinstance(message, str) else None
+        if isinstance(fields, dict):
+            json.dumps(fields, ensure_ascii=False).encode()  # half a character is no text
+            return fields
     return {}

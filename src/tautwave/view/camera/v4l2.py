@@ -132,8 +132,8 @@ class V4l2:
         return answer
 
     def _begin(self, camera: Camera) -> None:
-        found = self._ask(QUERYCAP, bytes(104))
-        can, own = struct.unpack_from("<II", found, 84)
+        capability = self._ask(QUERYCAP, bytes(104))
+        can, own = struct.unpack_from("<II", capability, 84)
         can = own if can & HAS_DEVICE_CAPS else can
         if not (can & CAN_CAPTURE and can & CAN_STREAM):
             raise ConfigError(

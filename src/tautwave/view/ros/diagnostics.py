@@ -33,20 +33,20 @@ def statuses(
     dead_man : str
         How the topic's dead-man is, '' without one.
     """
-    found = [_certificate(live.facts.get("certificate") or {})]
+    statuses_now = [_certificate(live.facts.get("certificate") or {})]
     if not rows:
-        found.append(_status(STALE, "run", "no new rows", {}))
+        statuses_now.append(_status(STALE, "run", "no new rows", {}))
     else:
         row = dict(zip(live.columns, rows[-1], strict=True))
-        found.append(_run(row, missed, [entry for _, entry in news], dead_man))
-        found.append(_loop(live, rows))
-        found += [_pair(name, row) for name in live.facts.get("units", {})]
+        statuses_now.append(_run(row, missed, [entry for _, entry in news], dead_man))
+        statuses_now.append(_loop(live, rows))
+        statuses_now += [_pair(name, row) for name in live.facts.get("units", {})]
         if "link.silence_s" in row:
-            found.append(_link(row))
-    for status in found:
+            statuses_now.append(_link(row))
+    for status in statuses_now:
         status.name = f"{live.facts.get('rig', 'rig')}: {status.name}"
         status.hardware_id = str(live.facts.get("rig", ""))
-    return found
+    return statuses_now
 
 
 def ended(live: Live, news: Sequence[Any]) -> list[DiagnosticStatus]:
@@ -72,8 +72,8 @@ def _text(value: object) -> str:
 def _certificate(facts: Mapping[str, Any]) -> DiagnosticStatus:
     passed = facts.get("passed")
     level = OK if passed else WARN if passed is None else ERROR
-    said = [] if passed else facts.get("sentences", [])
-    values = {"require": facts.get("require", "")} | {f"{k}": s for k, s in enumerate(said, 1)}
+    sentences = [] if passed else facts.get("sentences", [])
+    values = {"require": facts.get("require", "")} | {f"{k}": s for k, s in enumerate(sentences, 1)}
     return _status(level, "certificate", str(facts.get("state", "not evaluated")), values)
 
 
@@ -84,17 +84,17 @@ def _run(
     word = "engaged" if state is None else STATES[int(state)]
     last = entries[-1] if entries else {}
     fault = last.get("word") == "fault"
-    said = f"{last['word']}: {last['text']}" if last.get("text") else ""
+    event = f"{last['word']}: {last['text']}" if last.get("text") else ""
     values = {
         "time_s": row["time_s"],
         "state": word,
         "episode": round(row.get("operation.episode", 0.0)),
         "rows_not_seen": missed,
-        "journal": said,
+        "journal": event,
     }
     if dead_man:
         values["dead_man"] = dead_man
-    return _status(ERROR if fault else OK, "run", f"{word}; {said}" if fault else word, values)
+    return _status(ERROR if fault else OK, "run", f"{word}; {event}" if fault else word, values)
 
 
 def _loop(live: Live, rows: Sequence[Sequence[float]]) -> DiagnosticStatus:

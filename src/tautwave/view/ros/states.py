@@ -50,7 +50,7 @@ def joints_of(columns: Sequence[str], rig: Rig) -> dict[str, Joints]:
     Those of an arm are its joints, not the coordinates of its tip.
     """
     at = {name: k for k, name in enumerate(columns)}
-    found = {}
+    joints = {}
     for side in SIDES:
         rows, valid = [], []
         for name in _axes(rig, side):
@@ -68,8 +68,8 @@ def joints_of(columns: Sequence[str], rig: Rig) -> dict[str, Joints]:
         ]
         if rows:
             names, position, velocity, effort_at = zip(*rows, strict=True)
-            found[side] = Joints(names, position, velocity, effort_at, valid)
-    return found
+            joints[side] = Joints(names, position, velocity, effort_at, valid)
+    return joints
 
 
 def _axes(rig: Rig, side: str) -> list[str]:
@@ -90,7 +90,7 @@ def _places(at: Mapping[str, int], stem: str, effort: str) -> tuple[int, int, in
 def tips_of(columns: Sequence[str], rig: Rig) -> dict[str, Tip]:
     """Return the tip of each side whose axes are the coordinates of one."""
     at = {name: k for k, name in enumerate(columns)}
-    found = {}
+    tips = {}
     for side in SIDES:
         names = {
             axis.id: name
@@ -107,14 +107,14 @@ def tips_of(columns: Sequence[str], rig: Rig) -> dict[str, Tip]:
             [at[f"{names[k]}.commanded"] if k in names else NOWHERE for k in triple]
             for triple in TRIPLES
         )
-        found[side] = Tip(
+        tips[side] = Tip(
             force,
             [at[f"{names[k]}.position"] if k in names else NOWHERE for k in TRIPLES[1]],
             torque,
             [[at[f"{wall}.f{axis}"] for axis in "xyz"] for wall in walls],
             [at[f"{name}.valid"] for name in names.values()],
         )
-    return found
+    return tips
 
 
 def whole(row: Sequence[float], valid: Sequence[int]) -> bool:
