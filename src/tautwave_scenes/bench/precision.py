@@ -212,9 +212,9 @@ def scheme_points(
         for factor in factors:
             if 4 * factor > stage.finest:
                 continue  # too close to the oracle to be compared with it
-            found = timed(stage, scheme, factor, oracle, rounds)
-            if found is not None:
-                yield found
+            timing = timed(stage, scheme, factor, oracle, rounds)
+            if timing is not None:
+                yield timing
 
 
 def timed(stage: Stage, scheme: str, factor: Fraction, oracle: Played, rounds: int) -> Point | None:

@@ -61,13 +61,13 @@ def clip_condition(masses: bool, axis_name: str) -> tuple[str, ...]:
 
 def groups(network: Network, grounds: set[str]) -> list[set[str]]:
     """Return the nodes that links join other than by a ground."""
-    found = [{name} for name in network.nodes() if name not in grounds]
+    sets = [{name} for name in network.nodes() if name not in grounds]
     for link in network.links:
-        ends = [nodes for nodes in found if link.a in nodes or link.b in nodes]
+        ends = [nodes for nodes in sets if link.a in nodes or link.b in nodes]
         if len(ends) == 2 and link.a not in grounds and link.b not in grounds:
             ends[0] |= ends[1]
-            found.remove(ends[1])
-    return found
+            sets.remove(ends[1])
+    return sets
 
 
 def _limit(rig: Rig, port: str, delay: CommandDelay) -> float:

@@ -154,22 +154,22 @@ def closed_loop(scene: ClosedScene, ports: str) -> Iterator[PairLoop]:
     late = [d.periods + (1 if d.remainder_s > 0.0 else 0) for d in scene.delays]
     cases: list[LoopCase] = []
     steep = {}
-    for found in closed_poles(scene.regimes, ends, late, SPLIT):
-        radius = float(abs(found.pole))
-        if found.alone:
+    for poles in closed_poles(scene.regimes, ends, late, SPLIT):
+        radius = float(abs(poles.pole))
+        if poles.alone:
             reason = (
-                f"{title}: the scene is unstable by itself {found.regime.text} (|z| = "
+                f"{title}: the scene is unstable by itself {poles.regime.text} (|z| = "
                 f"{radius:.6g}) at {rig.rate_hz:g} Hz. Raise the rate, or use discrete_gradient."
             )
             yield PairLoop(name, Verdict(False, reason), text, tuple(cases))
             return
         growth = math.log(radius) / rig.period_s if radius > 0.0 else -math.inf
-        hertz = float(abs(np.angle(found.pole))) / (2.0 * math.pi * rig.period_s)
+        hertz = float(abs(np.angle(poles.pole))) / (2.0 * math.pi * rig.period_s)
         case = LoopCase(
-            found.regime.text, found.mass, radius <= 1.0 + STABLE, radius, growth, hertz
+            poles.regime.text, poles.mass, radius <= 1.0 + STABLE, radius, growth, hertz
         )
         cases.append(case)
-        steep[case] = steepness(found.regime, _units(scene)[0])
+        steep[case] = steepness(poles.regime, _units(scene)[0])
     worst = max(cases, key=lambda one: one.radius)
     mode = (
         f"{worst.contact} ({steep[worst]}) its least damped mode is at {worst.frequency:.4g} Hz "

@@ -93,28 +93,28 @@ def together(links: Sequence[Link], kind: Kind) -> list[tuple[Link, ...]]:
     """
     if len(links) <= FEW:
         sizes = range(1, len(links) + 1)
-        return [found for size in sizes for found in itertools.combinations(links, size)]
+        return [chosen for size in sizes for chosen in itertools.combinations(links, size)]
     kinds: dict[Hashable, list[Link]] = {}
     at_node: dict[str, list[Link]] = {}
     for link in links:
         kinds.setdefault(kind(link), []).append(link)
         for end in (link.a, link.b):
             at_node.setdefault(end, []).append(link)
-    found: list[tuple[Link, ...]] = [(group[0],) for group in kinds.values()]
+    choices: list[tuple[Link, ...]] = [(group[0],) for group in kinds.values()]
     seen = set()
     for group in at_node.values():
         key = tuple(kind(link) for link in group)
         if len(group) <= FEW and key not in seen:
             seen.add(key)
-            found.append(tuple(group))
-    found += [tuple(group) for group in kinds.values()]
-    return list(dict.fromkeys([*found, tuple(links)]))
+            choices.append(tuple(group))
+    choices += [tuple(group) for group in kinds.values()]
+    return list(dict.fromkeys([*choices, tuple(links)]))
 
 
 def pressed(group: Sequence[Link], press: Press, share: float) -> dict[str, Pressed]:
     """Return how steep links are when pressed at once with `share` of the greatest force."""
     sides = Counter((end, end == link.a) for link in group for end in (link.a, link.b))
-    found = {}
+    by_link = {}
     for link in group:
         k, e = link.stiffness, link.exponent
         at_ports = [
@@ -127,10 +127,10 @@ def pressed(group: Sequence[Link], press: Press, share: float) -> dict[str, Pres
         if LINK_KINDS[link.kind].bounded:
             force = min(force, link.limit)
         depth = (force / k) ** (1.0 / e)
-        found[link.name] = Pressed(
+        by_link[link.name] = Pressed(
             e * k * depth ** (e - 1.0), link.damping + link.loss * force, force
         )
-    return found
+    return by_link
 
 
 def regimes(links: Sequence[Link], press: Press, kind: Kind) -> list[Regime]:

@@ -78,8 +78,8 @@ def needed_together(law: PortMap, damping: Matrix, delays: Matrix) -> JointNeed:
 
 def leak_together(law: PortMap, theta: Matrix, delays: Matrix) -> npt.NDArray[np.complex128]:
     """Return the damping that all axes together require at angles w T: a Hermitian matrix each."""
-    found = responses(law, np.exp(1j * theta))
-    late = np.exp(-1j * np.outer(theta, delays))[:, :, None] * found
+    answers = responses(law, np.exp(1j * theta))
+    late = np.exp(-1j * np.outer(theta, delays))[:, :, None] * answers
     part = 0.5 * law.period * (1.0 + 1j / np.tan(0.5 * theta))[:, None, None] * late
     return np.asarray(0.5 * (part + np.conj(np.swapaxes(part, 1, 2))), np.complex128)
 

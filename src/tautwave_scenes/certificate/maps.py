@@ -48,15 +48,15 @@ def needed(scene: LinearScene, delay: float) -> Need:
     """Return the damping that makes the held, sampled port passive (Colgate and Schenkel)."""
     a, b, c = seen_states(scene)
     if not len(a):
-        found = needed_damping(PulseTransfer((scene.d,)), scene.period, delay)
-        return Need(found.damping, found.frequency, True)
+        need = needed_damping(PulseTransfer((scene.d,)), scene.period, delay)
+        return Need(need.damping, need.frequency, True)
     if len(a) <= EXACT_ORDER:
         den = np.poly(a)
         num = np.poly(a - np.outer(b, c)) + (scene.d - 1.0) * den
-        found = needed_damping(
+        need = needed_damping(
             PulseTransfer(tuple(num.tolist()), tuple(den.tolist())), scene.period, delay
         )
-        return Need(found.damping, found.frequency, True)
+        return Need(need.damping, need.frequency, True)
     poles = np.linalg.eigvals(a)
     if np.abs(poles).max() >= 1.0 - 1e-12:
         worst = poles[np.argmax(np.abs(poles))]

@@ -130,9 +130,9 @@ def _closed(rig: Rig, delays: Mapping[str, CommandDelay]) -> ClosedScene:
         return scene_map(closed_part(network, regime), scheme, rig.period_s, scales)
 
     refusal = active_links(network) is not None or len(network.masses) > LARGE
-    found = [] if refusal else regimes(curved_links(network.links), press, kind)
+    closed = [] if refusal else regimes(curved_links(network.links), press, kind)
     delayed = [delays[axis] for axis in axes]
-    return ClosedScene(rig, axes, delayed, close_all(found, close), close, curved)
+    return ClosedScene(rig, axes, delayed, close_all(closed, close), close, curved)
 
 
 def _named(network: Network, kinds: tuple[str, ...]) -> list[str]:
@@ -256,8 +256,8 @@ def _exact(network: Network) -> str | None:
             parts.append(networks.Spring(one, two, link.stiffness))
         if link.damping:
             parts.append(networks.Damper(one, two, link.damping))
-    found = positive_real(networks.impedance(parts, port))
-    return f"positive real in exact arithmetic at {port}" if found.positive_real else None
+    decision = positive_real(networks.impedance(parts, port))
+    return f"positive real in exact arithmetic at {port}" if decision.positive_real else None
 
 
 def _linear(rig: Rig, network: Network, name: str) -> LinearScene:

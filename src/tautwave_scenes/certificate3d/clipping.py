@@ -66,13 +66,13 @@ def limit_conditions(network: Network3d, axis: str) -> tuple[str, ...]:
 
 def _ways(network: Network3d) -> dict[str, Vector | None]:
     """Return the direction of each axis, None of one that turns a tool."""
-    found: dict[str, Vector | None] = {}
+    directions: dict[str, Vector | None] = {}
     for port in network.ports:
-        found |= zip(port.axes, port.directions, strict=False)
+        directions |= zip(port.axes, port.directions, strict=False)
     for tool in network.tools:
-        found |= zip(tool.axes, tool.ways, strict=True)
-        found |= dict.fromkeys(tool.turns)
-    return found
+        directions |= zip(tool.axes, tool.ways, strict=True)
+        directions |= dict.fromkeys(tool.turns)
+    return directions
 
 
 def _one_line(ways: list[Vector | None]) -> bool:

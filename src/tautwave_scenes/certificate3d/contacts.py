@@ -53,7 +53,7 @@ def regimes3d(
         for port in network.ports
         for way in port.directions[: len(port.axes)]
     }
-    found = []
+    cases = []
     for group in together3d(network, links, near):
         turning = any(link.normal is None for link in group)
         for way in ways.values() if turning else [ORIGIN]:
@@ -67,8 +67,8 @@ def regimes3d(
                     name: one._replace(way=along[name])
                     for name, one in pressed(group, Press(forces, energy), share).items()
                 }
-                found.append(Regime(text_of(group, len(links)), closed))
-    return found
+                cases.append(Regime(text_of(group, len(links)), closed))
+    return cases
 
 
 def _force(port: Port3d, efforts: Mapping[str, float], way: Vector) -> float:
@@ -92,10 +92,10 @@ def together3d(network: Network3d, links: Sequence[Link], near: Tangent) -> list
         if name not in order:
             return name if name in ports else ""
         at = 3 * order[name]
-        found = [near.mass[at]]
+        features = [near.mass[at]]
         for whole in (near.stiffness, near.damping):
-            found += [*(np.diag(whole)[at : at + 3] / max(np.abs(whole).max(), 1e-300))]
-        return tuple(round(float(value), DIGITS) for value in found)
+            features += [*(np.diag(whole)[at : at + 3] / max(np.abs(whole).max(), 1e-300))]
+        return tuple(round(float(value), DIGITS) for value in features)
 
     def gap(link: Link) -> float:
         return float(np.linalg.norm(places[link.a] - places[link.b]))

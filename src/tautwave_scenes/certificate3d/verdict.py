@@ -103,11 +103,11 @@ class _Scene:
             name: float(np.min(limits[row != 0.0] / np.abs(row[row != 0.0]), initial=math.inf))
             for name, row in zip(self.network.coordinates, self.ways, strict=True)
         }
-        found = []
+        cases = []
         if self.law is not None and active_links(self.network) is None:
             energy = press_energy(rig, self.network.axes)
-            found = regimes3d(self.network, self.near, efforts, energy)
-        laws = close_all(found, close)
+            cases = regimes3d(self.network, self.near, efforts, energy)
+        laws = close_all(cases, close)
         return ClosedScene(rig, self.axes, self.delays, laws, close, self.conditions())
 
     def conditions(self) -> tuple[str, ...]:

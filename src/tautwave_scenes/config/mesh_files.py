@@ -55,20 +55,20 @@ def _by_meshio(path: Path, room: str) -> Mesh:
             "version 2 ASCII"
         ) from err
     try:
-        found = reader.read(str(path))
+        read = reader.read(str(path))
     except Exception as err:  # whatever a foreign reader trips over in a damaged file
-        said = str(err) or type(err).__name__
-        raise ValueError(f"{path.name} is damaged, or no mesh that meshio reads: {said}") from err
+        reason = str(err) or type(err).__name__
+        raise ValueError(f"{path.name} is damaged, or no mesh that meshio reads: {reason}") from err
     places = {
         at: (float(row[0]), float(row[1]), float(row[2]) if len(row) > 2 else 0.0)
-        for at, row in enumerate(found.points.tolist())
+        for at, row in enumerate(read.points.tolist())
     }
-    names = {(int(tag), int(size)): name for name, (tag, size) in _named(found).items()}
-    tags = found.cell_data.get(PHYSICAL, [()] * len(found.cells))
+    names = {(int(tag), int(size)): name for name, (tag, size) in _named(read).items()}
+    tags = read.cell_data.get(PHYSICAL, [()] * len(read.cells))
     tetrahedra: list[tuple[int, ...]] = []
     groups: dict[str, set[int]] = {}
     bodies: dict[str, list[int]] = {}
-    for cells, own in zip(found.cells, tags, strict=True):
+    for cells, own in zip(read.cells, tags, strict=True):
         corners = cells.data.tolist()
         begin = len(tetrahedra)
         if cells.type == TETRAHEDRON:

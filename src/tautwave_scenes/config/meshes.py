@@ -12,5 +12,5 @@ def name_meshes(document: Document) -> None:
     for name, keys in tissues.items() if isinstance(tissues, dict) else ():
         file = keys.get("mesh") if isinstance(keys, dict) else None
         if isinstance(file, str):
-            found = find_recording(document, ("scene", "tissues", name, "mesh"), file)
-            keys["mesh"] = str(found or (document.folder / file).resolve())
+            absolute = find_recording(document, ("scene", "tissues", name, "mesh"), file)
+            keys["mesh"] = str(absolute or (document.folder / file).resolve())

@@ -96,8 +96,8 @@ def can_resample() -> bool:
 def check_sound(document: Document, path: KeyPath, force: SoundForce, rate_hz: float) -> None:
     """Note a sound that is missing or unusable; `path` is the force's."""
     at = (*path, "file")
-    found = find_recording(document, at, force.file)
-    if found is None:
+    existing = find_recording(document, at, force.file)
+    if existing is None:
         document.report(
             at,
             f"no such file, {force.file} (relative paths are resolved "
@@ -106,32 +106,32 @@ def check_sound(document: Document, path: KeyPath, force: SoundForce, rate_hz: f
         )
         return
     try:
-        sound = read_sound(found)
+        sound = read_sound(existing)
     except ConfigError as err:
-        document.report(at, f"{found.name} {err}")
+        document.report(at, f"{existing.name} {err}")
         return
     channels = sound.samples.shape[1]
     if force.channel != "mono" and force.channel > channels:
-        document.report((*path, "channel"), f"{found.name} has {channels} (got {force.channel})")
+        document.report((*path, "channel"), f"{existing.name} has {channels} (got {force.channel})")
     if sound.rate_hz != rate_hz and not can_resample():
         document.report(
             at,
-            f"{found.name} has {sound.rate_hz} samples per second and the scene {rate_hz:g}; "
+            f"{existing.name} has {sound.rate_hz} samples per second and the scene {rate_hz:g}; "
             "convert it, or pip install 'tautwave[analysis]', which brings scipy",
         )
-    if force.sha256 is not None and force.sha256 != digest_of(found):
+    if force.sha256 is not None and force.sha256 != digest_of(existing):
         document.report(
             (*path, "sha256"),
-            f"{found.name} has changed (SHA-256 differs); restore the file, or remove this key",
+            f"{existing.name} has changed (SHA-256 differs); restore the file, or remove this key",
         )
 
 
 def complete_sound(document: Document, name: str, force: SoundForce) -> SoundForce:
     """Return a force with the absolute path of its sound, and its hash."""
-    found = find_recording(document, ("scene", "forces", name, "file"), force.file)
-    if found is None:
+    existing = find_recording(document, ("scene", "forces", name, "file"), force.file)
+    if existing is None:
         return force
-    return force.model_copy(update={"file": str(found), "sha256": digest_of(found)})
+    return force.model_copy(update={"file": str(existing), "sha256": digest_of(existing)})
 
 
 def _chunks(raw: bytes) -> tuple[_Layout, bytes]:

@@ -135,7 +135,7 @@ def compile_network(network: Network, ports_at: Sequence[float] = ()) -> Compile
         a=a,
         b=b,
         links_first=list(accumulate(map(len, of_mass), initial=0)),
-        links_of=[index for found in of_mass for index in found],
+        links_of=[index for indices in of_mass for index in indices],
         alone=[mass for mass, others in enumerate(near) if not others],
         islands=[mass for island in islands for mass in island],
         island_first=list(accumulate(map(len, islands), initial=0)),

@@ -107,10 +107,10 @@ def tune(network: Network, scheme: str, period: float, held: Held) -> Tuned:
     ideal = ideal_modes(network, held)
     plain = sampled_modes(network, scheme, period, held, ideal)
     scale = _scales(network)
-    found = meant
+    parameters = meant
     for rung in RUNGS:
-        found = _solve(network, scheme, period / rung, held, ideal, found, scale)
-    tuned = _with_numbers(network, found)
+        parameters = _solve(network, scheme, period / rung, held, ideal, parameters, scale)
+    tuned = _with_numbers(network, parameters)
     return Tuned(tuned, ideal, plain, sampled_modes(tuned, scheme, period, held, ideal))
 
 
@@ -140,13 +140,13 @@ def sampled_modes(network: Network, scheme: str, period: float, held: Held, idea
     scene = linear_scene(network, scheme, period, network.ports[0], held.scale)
     poles = loop_poles(scene, held.mass, held.damping, held.stiffness, held.delay)
     left = [complex(z) for z in poles if z.imag >= 0.0 and abs(z) > 1e-12]
-    found = []
+    paired = []
     for mode in ideal:
         target = np.exp(mode * period)
         nearest = min(left, key=lambda z: abs(z - target))
         left.remove(nearest)
-        found.append(complex(np.log(nearest) / period))
-    return tuple(found)
+        paired.append(complex(np.log(nearest) / period))
+    return tuple(paired)
 
 
 def _upper(values: npt.NDArray[np.complex128]) -> Modes:
@@ -202,9 +202,9 @@ def _missing(
 ) -> Numbers:
     """Return the relative differences of the modes, as real numbers: as many as are chosen."""
     tuned = _with_numbers(network, numbers)
-    found = sampled_modes(tuned, scheme, period, held, ideal)
+    modes = sampled_modes(tuned, scheme, period, held, ideal)
     parts: list[float] = []
-    for one, two in zip(found, ideal, strict=True):
+    for one, two in zip(modes, ideal, strict=True):
         gap = (one - two) / abs(two)
         parts += [gap.real, gap.imag] if two.imag > 0.0 else [gap.real]
     return np.array(parts)

@@ -158,7 +158,7 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         flat=[0 if link.normal is None else 1 for link in links],
         normal=_flat([unit(link.normal or ORIGIN) for link in links]),
         links_first=list(accumulate(map(len, of_node), initial=0)),
-        links_of=[index for found in of_node for index in found],
+        links_of=[index for indices in of_node for index in indices],
         islands=[mass for island in islands for mass in island],
         island_first=list(accumulate(map(len, islands), initial=0)),
         axis_port=axis_port,
@@ -187,15 +187,15 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
 
 def port_places(network: Network3d, axes_at: Sequence[float]) -> list[Vector]:
     """Return the positions of the ports with their axes at `axes_at` [m]."""
-    found = []
+    places = []
     given = iter(axes_at)
     for port in network.ports:
         where = list(port.offset)
         for way, _ in zip(port.directions, port.axes, strict=False):
             moved = next(given)
             where = [one + moved * part for one, part in zip(where, unit(way), strict=True)]
-        found.append((where[0], where[1], where[2]))
-    return found
+        places.append((where[0], where[1], where[2]))
+    return places
 
 
 def _flat(vectors: Sequence[Sequence[float]]) -> list[float]:

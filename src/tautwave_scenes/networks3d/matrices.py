@@ -73,13 +73,13 @@ def tangent(s: Arrays3d) -> Tangent:
 
 def _relaxing(s: Arrays3d) -> Iterator[tuple[float, Matrix]]:
     """Yield each time in which parts of tissues relax, and their stiffness."""
-    found: dict[float, dict[int, tuple[float, float]]] = {}
+    by_time: dict[float, dict[int, tuple[float, float]]] = {}
     for e in range(s.elements.size[0]):
         for j in range(e * s.elements.size[1], (e + 1) * s.elements.size[1]):
             if s.elements.share[j] > 0.0:
-                of_time = found.setdefault(s.elements.relax[j], {})
+                of_time = by_time.setdefault(s.elements.relax[j], {})
                 of_time[e] = (of_time.get(e, (0.0, 0.0))[0] + s.elements.share[j], 0.0)
-    for time, shares in found.items():
+    for time, shares in by_time.items():
         yield time, _of_elements(s, shares)
 
 

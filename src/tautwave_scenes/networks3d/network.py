@@ -63,14 +63,14 @@ class Network3d(NamedTuple):
     def grips(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
         """What devices hold, ports and tools by name, and the axes of each."""
         carried = {point: tool for tool in self.tools for point, _ in tool.points}
-        found: dict[str, tuple[str, ...]] = {}
+        axes_of: dict[str, tuple[str, ...]] = {}
         for port in self.ports:
             tool = carried.get(port.name)
             if tool is None:
-                found[port.name] = port.axes
+                axes_of[port.name] = port.axes
             else:
-                found[tool.name] = tool.axes + tool.turns
-        return tuple(found.items())
+                axes_of[tool.name] = tool.axes + tool.turns
+        return tuple(axes_of.items())
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -108,12 +108,12 @@ BOND = "tissue "
 def bonds(network: Network3d) -> tuple[Link, ...]:
     """Return links that join the nodes of every tissue, each to the first of it that can move."""
     fixed = {name for name, _ in network.grounds}
-    found: dict[str, dict[str, None]] = {}
+    corners: dict[str, dict[str, None]] = {}
     for element in network.elements:
-        found.setdefault(element.tissue, {}).update(dict.fromkeys(element.corners))
+        corners.setdefault(element.tissue, {}).update(dict.fromkeys(element.corners))
     return tuple(
         Link(f"{BOND}{tissue} {name}", "spring", first, name, 1.0)
-        for tissue, nodes in found.items()
+        for tissue, nodes in corners.items()
         for first in [next((name for name in nodes if name not in fixed), "")]
         for name in nodes
         if first and name != first

@@ -24,21 +24,21 @@ def scene_books(run: Run) -> dict[str, float | None]:
     """
     names = ("residual", "hold", "made", "numeric", "pumped", "kinetic", "stored")
     read = {name: run.read(f"scene.{name}").get(f"scene.{name}") for name in names}
-    found = {name: values for name, values in read.items() if values is not None}
+    known = {name: values for name, values in read.items() if values is not None}
     gross = sum(
         float(v[-1]) for p in run.ports for v in run.read(f"master.{p}.gross_flow").values()
     )
     for name in ("pumped", "made"):
-        if name in found:
-            gross += float(np.abs(np.diff(found[name])).sum())
-    inside = [found[name] for name in ("kinetic", "stored") if name in found]
+        if name in known:
+            gross += float(np.abs(np.diff(known[name])).sum())
+    inside = [known[name] for name in ("kinetic", "stored") if name in known]
     if inside:
         gross += float(np.max(np.sum(inside, axis=0)))
-    residual = float(np.max(np.abs(found["residual"]))) if "residual" in found else 0.0
-    fed = float(found["made"][-1]) if "made" in found else 0.0
+    residual = float(np.max(np.abs(known["residual"]))) if "residual" in known else 0.0
+    fed = float(known["made"][-1]) if "made" in known else 0.0
     for name, sign in (("hold", -1.0), ("numeric", 1.0)):
-        if name in found:
-            fed += max(0.0, float(np.max(sign * found[name])))
+        if name in known:
+            fed += max(0.0, float(np.max(sign * known[name])))
     return {
         "gross_flow": gross,
         "residual": residual if np.isfinite(residual) else None,

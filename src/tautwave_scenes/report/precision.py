@@ -56,7 +56,7 @@ def scene_precision(run: Run, rig: Rig) -> dict[str, Any]:
     engine = "compiled" if is_kept(scene3d=in_3d) else "python"
     budget = SECONDS[engine]
     model = _model(stage, rig.period_s, inputs)
-    base, kept = _base(model, inputs, engine, 0.4 * budget)
+    base, kept = base_run(model, inputs, engine, 0.4 * budget)
     # The cost of each replay is that of the base run times its number of steps.
     fine = FINE[engine]
     replays = 0.5 + 2.0 + 1.5 * fine
@@ -185,7 +185,7 @@ def _strings(model: Model) -> bool:
     return isinstance(model, SceneModel) and bool(model.strings)
 
 
-def _base(model: Model, inputs: Inputs, engine: str, seconds: float) -> tuple[Played, list[Any]]:
+def base_run(model: Model, inputs: Inputs, engine: str, seconds: float) -> tuple[Played, list[Any]]:
     """Return the run at its own rate, and in plain Python its states every `_BLOCK` slots."""
     if engine == "compiled" or _strings(model):
         return play(model, inputs.ports, inputs.pushes, engine=engine, seconds=seconds), []
@@ -284,7 +284,7 @@ def pitches_of(rig: Rig) -> dict[str, dict[str, float]]:
     A line of whole samples and its low-pass at each end: 2 (near + far) + 4 samples, and
     (1 - g)/g for each filter at low frequencies.
     """
-    found: dict[str, dict[str, float]] = {}
+    pitches: dict[str, dict[str, float]] = {}
     rates = {"own": 1.0, **FACTORS}
     for rate, factor in rates.items():
         other = rig.model_copy(update={"rate_hz": factor * rig.rate_hz})
@@ -292,6 +292,6 @@ def pitches_of(rig: Rig) -> dict[str, dict[str, float]]:
             asked = scene_of(rig).strings[string.name].frequency_hz
             late = 2.0 * (1.0 - string.smoothing) / string.smoothing
             samples = 2.0 * (string.near + string.far) + 4.0 + late
-            pitch = found.setdefault(string.name, {"asked_hz": asked})
+            pitch = pitches.setdefault(string.name, {"asked_hz": asked})
             pitch[rate] = other.rate_hz / samples
-    return found
+    return pitches

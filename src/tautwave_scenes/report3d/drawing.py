@@ -129,14 +129,14 @@ def _lengths(view: View3d, a: str, b: str, rows: slice) -> Floats:
 def _balls(view: View3d) -> dict[str, float]:
     """Return the radii of nodes drawn as balls: the port of a contact, or half each."""
     ports = {port.name for port in view.network.ports}
-    found: dict[str, float] = {}
+    radii: dict[str, float] = {}
     for link in view.network.links:
         if LINK_KINDS[link.kind].one_way and link.normal is None:
             hands = [end for end in (link.a, link.b) if end in ports]
             for end in hands or (link.a, link.b):
                 radius = link.rest if hands else 0.5 * link.rest
-                found[end] = max(found.get(end, 0.0), radius)
-    return found
+                radii[end] = max(radii.get(end, 0.0), radius)
+    return radii
 
 
 def _planes(view: View3d, rows: slice) -> list[Floats]:

@@ -25,13 +25,13 @@ def surface_of(network: Network3d) -> list[Triangle]:
 
 def edges_at_rest(network: Network3d) -> dict[frozenset[str], float]:
     """Return the length of each edge of a tissue without stress [m]."""
-    found: dict[frozenset[str], float] = {}
+    lengths: dict[frozenset[str], float] = {}
     for element in network.elements:
         for (one, a), (two, b) in itertools.combinations(
             zip(element.corners, element.rest, strict=True), 2
         ):
-            found[frozenset((one, two))] = float(np.linalg.norm(np.subtract(a, b)))
-    return found
+            lengths[frozenset((one, two))] = float(np.linalg.norm(np.subtract(a, b)))
+    return lengths
 
 
 def strain_of(

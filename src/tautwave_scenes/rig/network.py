@@ -162,17 +162,17 @@ def _law(keys: SceneLink) -> dict[str, Any]:
 
 def _strings(rig: Rig) -> list[String]:
     """Return the strings with their halves in samples; the round trip is 2 (near + far) + 4."""
-    found = []
+    strings = []
     for name, keys in _given(rig).strings.items():
         half = max(round(0.5 * rig.rate_hz / keys.frequency_hz), 4)
         near = min(max(round(keys.position * half) - 1, 1), half - 3)
         smoothing = 1.0
         if keys.brightness_hz is not None:
             smoothing = filter_gain(keys.brightness_hz, rig.period_s)
-        found.append(
+        strings.append(
             String(name, keys.impedance, near, half - 2 - near, keys.reflection, smoothing)
         )
-    return found
+    return strings
 
 
 def scene_forces(rig: Rig, network: Network, cycles: int) -> list[Sequence[float]]:

@@ -123,7 +123,7 @@ def materials_of(keys: Tissue3d, mesh: Mesh) -> list[Material]:
     """Return the material of each tetrahedron of a tissue: that of its inclusion, else its own."""
     branches = tuple((branch.share, branch.time_s) for branch in keys.branches)
     own = Material(keys.young, keys.poisson, keys.density, keys.viscous_s, branches, keys.damping)
-    found = [own] * len(mesh.tetrahedra)
+    materials = [own] * len(mesh.tetrahedra)
     bodies = dict(mesh.bodies)
     for group, other in keys.inclusions.items():
         inside = own._replace(
@@ -132,8 +132,8 @@ def materials_of(keys: Tissue3d, mesh: Mesh) -> list[Material]:
             density=own.density if other.density is None else other.density,
         )
         for at in bodies[group]:
-            found[at] = inside
-    return found
+            materials[at] = inside
+    return materials
 
 
 def pruned_network3d(rig: Rig) -> Pruned3d:
@@ -200,11 +200,11 @@ def columns3d(network: Network3d) -> list[str]:
 def axis_scales(rig: Rig) -> list[float]:
     """Return the scale from each axis to the scene, in the network's order; 1 of turning ones."""
     scene = scene3d_of(rig)
-    found = []
+    scales = []
     for name, port in scene.ports.items():
-        found += [port.position_scale] * len(scene.movers_of(name))
-        found += [1.0] * len(port.turns or {})
-    return found
+        scales += [port.position_scale] * len(scene.movers_of(name))
+        scales += [1.0] * len(port.turns or {})
+    return scales
 
 
 def build_network3d(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> SceneControl:

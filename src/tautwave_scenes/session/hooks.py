@@ -41,10 +41,10 @@ def facts(rig: Rig, *, brief: bool) -> list[tuple[str, str]]:
 
     `brief` leaves out the cost, for which a hundred cycles have to be run.
     """
-    found = [(f"tissue {name}", text) for name, text in tissue_facts(rig)]
+    tissues = [(f"tissue {name}", text) for name, text in tissue_facts(rig)]
     if not brief:
-        found.append(("scene time", pace_fact(rig)))
-    return [*found, ("scene limit", hold_fact(rig))]
+        tissues.append(("scene time", pace_fact(rig)))
+    return [*tissues, ("scene limit", hold_fact(rig))]
 
 
 def prompt_claim(rig: Rig, delays: Mapping[str, CommandDelay]) -> float:

@@ -145,8 +145,8 @@ def _live(
     for at in range(0, len(given) - stride + 1, stride):
         total = [0.0] * ports.shape[1]
         for where, push in given[at : at + stride]:
-            found = model.advance(where, push)
-            total = [sum_ + one / stride for sum_, one in zip(total, found, strict=True)]
+            advanced = model.advance(where, push)
+            total = [sum_ + one / stride for sum_, one in zip(total, advanced, strict=True)]
         efforts.append(total)
         places.append(list(model.arrays.x[:count]))
         if time.thread_time_ns() - began > limit_ns:

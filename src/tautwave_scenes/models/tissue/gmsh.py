@@ -37,15 +37,15 @@ def gmsh_mesh(text: str, name: str) -> Mesh:
     sections = dict(_sections(iter(text.split("\n"))))
     head = (sections.get("MeshFormat") or [""])[0].split()
     if not head or head[0] not in ("2", "2.0", "2.1", "2.2") or head[1:2] != ["0"]:
-        found = " ".join(head[:2]) or "none"
+        version = " ".join(head[:2]) or "none"
         raise ValueError(
-            f"{name} has mesh format {found}; save it from Gmsh as version 2 ASCII (2.2 0)"
+            f"{name} has mesh format {version}; save it from Gmsh as version 2 ASCII (2.2 0)"
         )
     parts = _parts(name, sections.get("Nodes", []), sections.get("Elements", []))
     groups: dict[str, set[int]] = {}
     for key, nodes in parts.groups.items():  # without names two dimensions may have one number
         groups.setdefault(_name(sections, key), set()).update(nodes)
-    bodies = {_name(sections, (3, number)): found for number, found in parts.bodies.items()}
+    bodies = {_name(sections, (3, number)): members for number, members in parts.bodies.items()}
     return numbered_mesh(name, parts.places, parts.tetrahedra, groups, bodies)
 
 
@@ -87,7 +87,7 @@ class _Parts(NamedTuple):
 def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
     """Return what two sections say; elements of other kinds are refused."""
     places = {}
-    found: list[tuple[int, ...]] = []
+    tetrahedra: list[tuple[int, ...]] = []
     strange: list[int] = []
     groups: dict[tuple[int, int], set[int]] = {}
     bodies: dict[int, list[int]] = {}
@@ -101,8 +101,8 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
             if numbers[1] == _TETRAHEDRON:
                 a, b, c, d = corners
                 if numbers[2] and numbers[3]:
-                    bodies.setdefault(numbers[3], []).append(len(found))
-                found.append((a, b, c, d))
+                    bodies.setdefault(numbers[3], []).append(len(tetrahedra))
+                tetrahedra.append((a, b, c, d))
             elif numbers[1] not in _SKIPPED:
                 strange.append(numbers[1])
             if numbers[2] and numbers[3] and numbers[1] in _DIMENSIONS:
@@ -116,7 +116,7 @@ def _parts(name: str, nodes: list[str], elements: list[str]) -> _Parts:
         raise ValueError(f"{name} holds {what}: only linear tetrahedra are supported")
     if not whole:
         raise ValueError(f"{name} is truncated: it holds fewer nodes or elements than it declares")
-    return _Parts(places, found, groups, bodies)
+    return _Parts(places, tetrahedra, groups, bodies)
 
 
 def numbered_mesh(

@@ -60,7 +60,7 @@ def block(size: Vector, cells: tuple[int, int, int], corner: Vector = (0.0, 0.0,
         for j in range(down)
         for i in range(across)
     )
-    found: list[Corners] = []
+    tetrahedra: list[Corners] = []
     for number in range(cells[0] * cells[1] * cells[2]):
         rest, i = divmod(number, cells[0])
         k, j = divmod(rest, cells[1])
@@ -69,8 +69,8 @@ def block(size: Vector, cells: tuple[int, int, int], corner: Vector = (0.0, 0.0,
             # Mirrored along x in every other cell, so that the diagonals of faces meet.
             places = [(i + (a ^ odd), j + b, k + c) for a, b, c in corners]
             numbers = [a + across * (b + down * c) for a, b, c in places]
-            found.append(righted(nodes, (numbers[0], numbers[1], numbers[2], numbers[3])))
-    return Mesh(nodes, tuple(found))
+            tetrahedra.append(righted(nodes, (numbers[0], numbers[1], numbers[2], numbers[3])))
+    return Mesh(nodes, tuple(tetrahedra))
 
 
 def placed(mesh: Mesh, scale: float, position: Vector) -> Mesh:
@@ -114,19 +114,19 @@ def on_faces(mesh: Mesh, faces: Iterable[str]) -> set[int]:
     faces : iterable of str
         One of `FACES` each, or the name of a group; a name that is neither has no nodes.
     """
-    found: set[int] = set()
+    numbers: set[int] = set()
     groups = dict(mesh.groups)
     for face in faces:
         if face not in FACES:
-            found |= set(groups.get(face, ()))
+            numbers |= set(groups.get(face, ()))
             continue
         c = "xyz".index(face[1])
         places = [node[c] for node in mesh.nodes]
         low, high = min(places), max(places)
         edge = low if face[0] == "-" else high
         near = 1e-6 * (high - low)
-        found |= {number for number, place in enumerate(places) if abs(place - edge) <= near}
-    return found
+        numbers |= {number for number, place in enumerate(places) if abs(place - edge) <= near}
+    return numbers
 
 
 LONGEST = 1e6
