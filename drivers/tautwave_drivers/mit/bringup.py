@@ -108,10 +108,10 @@ class Bringup:
                 "the same commands; give each its own (ESC_ID, register 8) with the others' power "
                 "off"
             )
-        said = self._switched_off(where, motor)
+        feedback = self._switched_off(where, motor)
         self._same(where, motor)
         scale = self._scale(where, motor)
-        turned = self._turned(where, axis, motor, scale, said)
+        turned = self._turned(where, axis, motor, scale, feedback)
         settings = self._settings(where, motor)
         settings.keep(_setting(damiao.CTRL_MODE, damiao.MIT_MODE))
         watchdog_s, unwatched = self._watch(where, motor, settings)
@@ -120,28 +120,28 @@ class Bringup:
 
     def _switched_off(self, where: str, motor: Motor) -> Feedback:
         """Switch it off, and see that it says so; clear its error where that is asked for."""
-        said = self._registers.told(motor.id, motor.feedback_id, damiao.DISABLE)
-        if said is not None and said.state not in (damiao.DISABLED, damiao.ENABLED):
-            text = damiao.state_text(said.state)
-            if said.state != damiao.TIMED_OUT and not self._options.clear_errors:
+        feedback = self._registers.told(motor.id, motor.feedback_id, damiao.DISABLE)
+        if feedback is not None and feedback.state not in (damiao.DISABLED, damiao.ENABLED):
+            text = damiao.state_text(feedback.state)
+            if feedback.state != damiao.TIMED_OUT and not self._options.clear_errors:
                 raise DeviceFault(
                     f"{where}: {text}; remove the cause, then set clear_errors: true in the bus' "
                     "options, or switch its power off and on"
                 )
             self._registers.told(motor.id, motor.feedback_id, damiao.CLEAR)
-            said = self._registers.told(motor.id, motor.feedback_id, damiao.DISABLE)
+            feedback = self._registers.told(motor.id, motor.feedback_id, damiao.DISABLE)
             self._notes.append(f"{where}: {text}; cleared")
-        if said is None:
+        if feedback is None:
             raise DriverError(
                 f"{where}: answers about registers, but does not report its state when it is "
                 "switched off; update its firmware"
             )
-        if said.state != damiao.DISABLED:
+        if feedback.state != damiao.DISABLED:
             raise DeviceFault(
-                f"{where}: {damiao.state_text(said.state)}, and disable does not change that; "
+                f"{where}: {damiao.state_text(feedback.state)}, and disable does not change that; "
                 "switch its power off and on"
             )
-        return said
+        return feedback
 
     def _same(self, where: str, motor: Motor) -> None:
         """Compare the ids that the motor itself has."""
@@ -149,10 +149,10 @@ class Bringup:
             (damiao.ESC_ID, motor.id, "id"),
             (damiao.MST_ID, motor.feedback_id, "feedback_id"),
         ):
-            found = self._need(motor, register)
-            if found != stated:
+            own_id = self._need(motor, register)
+            if own_id != stated:
                 raise DriverError(
-                    f"{where}: {register} reads {found:.0f}, but the rig states {key}: {stated}; "
+                    f"{where}: {register} reads {own_id:.0f}, but the rig states {key}: {stated}; "
                     "correct options.motors, or set the register in the maker's tool"
                 )
 
@@ -162,14 +162,14 @@ class Bringup:
         for register, key in (
             (damiao.P_MAX, "p_max"), (damiao.V_MAX, "v_max"), (damiao.T_MAX, "t_max")
         ):  # fmt: skip
-            found, stated = self._need(motor, register), getattr(motor, key)
-            if not abs(found - stated) <= CLOSE * stated:
+            own_range, stated = self._need(motor, register), getattr(motor, key)
+            if not abs(own_range - stated) <= CLOSE * stated:
                 raise DriverError(
-                    f"{where}: {register} reads {found:.6g}, but the rig states {key}: "
+                    f"{where}: {register} reads {own_range:.6g}, but the rig states {key}: "
                     f"{stated:g}; every number would be wrong by that ratio: write {key}: "
-                    f"{found:.6g} if this is the right motor"
+                    f"{own_range:.6g} if this is the right motor"
                 )
-            ranges[key] = found
+            ranges[key] = own_range
         self._filter(where, motor)
         return scale_of(motor.model_copy(update=ranges))
 
@@ -177,16 +177,16 @@ class Bringup:
         """Compare the low-pass behind which the damper in the motor has its velocity."""
         if not motor.damping_code:
             return
-        found, stated = self._need(motor, damiao.V_BANDWIDTH), motor.velocity_filter_hz
-        if stated is None or not abs(found - stated) <= CLOSE * stated:
+        bandwidth, stated = self._need(motor, damiao.V_BANDWIDTH), motor.velocity_filter_hz
+        if stated is None or not abs(bandwidth - stated) <= CLOSE * stated:
             raise DriverError(
-                f"{where}: {damiao.V_BANDWIDTH} reads {found:.6g}, but the rig states "
+                f"{where}: {damiao.V_BANDWIDTH} reads {bandwidth:.6g}, but the rig states "
                 f"velocity_filter_hz: {stated:g}; the certificate of its damper rests on it: write "
-                f"velocity_filter_hz: {found:.6g}"
+                f"velocity_filter_hz: {bandwidth:.6g}"
             )
         self._notes.append(
             f"{where}: damper of {motor.damping_code * damiao.DAMPING_STEP:.4g} N m s/rad in the "
-            f"motor, its velocity behind {damiao.V_BANDWIDTH} = {found:g}"
+            f"motor, its velocity behind {damiao.V_BANDWIDTH} = {bandwidth:g}"
         )
 
     def _turned(
@@ -224,8 +224,8 @@ class Bringup:
     ) -> tuple[float | None, str]:
         """Set TIMEOUT and read it back; say what happens where that cannot be done."""
         counts = timeout_counts(self._options)
-        found = settings.settle(_setting(damiao.TIMEOUT, counts)).after
-        if found == counts:
+        counts_read = settings.settle(_setting(damiao.TIMEOUT, counts)).after
+        if counts_read == counts:
             seconds = counts * damiao.TIMEOUT_S
             self._notes.append(
                 f"{where}: switches its torque off after {seconds:g} s without a frame "
@@ -234,11 +234,13 @@ class Bringup:
             return seconds, ""
         if not self._bus.allow_unwatched:
             raise DriverError(
-                f"{where}: {damiao.TIMEOUT} reads {found} after {counts} was written, so it "
+                f"{where}: {damiao.TIMEOUT} reads {counts_read} after {counts} was written, so it "
                 "would keep its last torque if the host stops; update its firmware, or run with "
                 "--allow-unwatched"
             )
-        return None, (f"(motor {motor.id}) keeps its last torque: {damiao.TIMEOUT} reads {found}")
+        return None, (
+            f"(motor {motor.id}) keeps its last torque: {damiao.TIMEOUT} reads {counts_read}"
+        )
 
     def _identity(self, where: str, motor: Motor) -> dict[str, str]:
         version = f"{self._need(motor, damiao.SOFTWARE):.0f}"

@@ -132,25 +132,25 @@ class MitDriver(DriverBase):
         port = self._connect()
         self._attach(port)
         registers = Registers(port, self._clock)
-        found = Bringup(registers, self._options, self._bus, self.notes).run(self._motors)
+        motors = Bringup(registers, self._options, self._bus, self.notes).run(self._motors)
         self._classic(port)
         listen: Any = getattr(port, "listen", None)
         if listen is not None:  # until here anybody may have answered
             listen(tuple(self._by_id))
-        for axis, one in zip(self._axes, found, strict=True):
+        for axis, one in zip(self._axes, motors, strict=True):
             axis.rescale(one.scale)
             self.identities[axis.spec.name] = one.identity
         names = [axis.name for axis in self._bus.axes]
         self.watchdog_s = {
             name: one.watchdog_s
-            for name, one in zip(names, found, strict=True)
+            for name, one in zip(names, motors, strict=True)
             if one.watchdog_s is not None
         }
         self.unwatched = {
-            name: one.unwatched for name, one in zip(names, found, strict=True) if one.unwatched
+            name: one.unwatched for name, one in zip(names, motors, strict=True) if one.unwatched
         }
         counts = timeout_counts(self._options)
-        self._armed = [None if one.watchdog_s is None else counts for one in found]
+        self._armed = [None if one.watchdog_s is None else counts for one in motors]
         self._shortest_ns = shortest_ns(self._options)
         if registers.quickest_ns is not None and registers.quickest_ns < self._shortest_ns:
             self._shortest_ns = 0
@@ -221,7 +221,7 @@ class MitDriver(DriverBase):
     def _hear(self, frames: Sequence[Frame]) -> int:
         """Take frames; return how many were answers that are missing in this cycle."""
         find, earliest_ns, over = self._by_id.get, self._earliest_ns, self._over
-        found = 0
+        answers = 0
         for can_id, data, arrival_ns in frames:
             axis = find(can_id)
             if axis is None:
@@ -239,10 +239,10 @@ class MitDriver(DriverBase):
                     axis.miss(OUTDATED)
                 else:
                     axis.fresh = True
-                    found += 1
+                    answers += 1
             else:
                 self._hear_other(axis, data)
-        return found
+        return answers
 
     def _hear_other(self, axis: Axis, data: bytes) -> None:
         """Take a frame on the id of a motor's feedback that is not feedback."""

@@ -19,7 +19,7 @@ ERRORS = frozenset(damiao.STATES) - {damiao.DISABLED, damiao.ENABLED}
 
 def leave(port: FramePort, clock: Clock, axes: Sequence[Axis]) -> dict[str, str]:
     """Send torque zero and disable to all; return by axis who did not confirm it, and why."""
-    said: dict[str, str] = {axis.spec.name: "no answer to disable" for axis in axes}
+    unconfirmed: dict[str, str] = {axis.spec.name: "no answer to disable" for axis in axes}
     by_id = {axis.motor.feedback_id: axis for axis in axes}
     try:
         _drop(port, clock)
@@ -27,31 +27,31 @@ def leave(port: FramePort, clock: Clock, axes: Sequence[Axis]) -> dict[str, str]
             port.send(axis.motor.id, axis.command(0.0))
         for _ in range(ROUNDS):
             for axis in axes:
-                if axis.spec.name in said:
+                if axis.spec.name in unconfirmed:
                     port.send(axis.motor.id, damiao.DISABLE)
             until = clock.now_ns() + ROUND_NS
-            while said and clock.now_ns() < until and clock.wait(port, until):
+            while unconfirmed and clock.now_ns() < until and clock.wait(port, until):
                 frame = port.receive()
                 axis_of = None if frame is None else by_id.get(frame[0])
                 if frame is None or axis_of is None:
                     continue
-                found = damiao.feedback(frame[1], axis_of.motor.id)
-                if found is None:
+                feedback = damiao.feedback(frame[1], axis_of.motor.id)
+                if feedback is None:
                     continue
-                if found.state == damiao.DISABLED or found.state in ERRORS:
-                    said.pop(axis_of.spec.name, None)
-                elif axis_of.spec.name in said:
-                    said[axis_of.spec.name] = (
-                        f"it still says {damiao.state_text(found.state)} after disable"
+                if feedback.state == damiao.DISABLED or feedback.state in ERRORS:
+                    unconfirmed.pop(axis_of.spec.name, None)
+                elif axis_of.spec.name in unconfirmed:
+                    unconfirmed[axis_of.spec.name] = (
+                        f"it still says {damiao.state_text(feedback.state)} after disable"
                     )
-            if not said:
+            if not unconfirmed:
                 break
     except DriverError as err:
-        said = dict.fromkeys(said, str(err))
+        unconfirmed = dict.fromkeys(unconfirmed, str(err))
     return {
-        axis.spec.name: f"{axis.label}: {said[axis.spec.name]}"
+        axis.spec.name: f"{axis.label}: {unconfirmed[axis.spec.name]}"
         for axis in axes
-        if axis.spec.name in said
+        if axis.spec.name in unconfirmed
     }
 
 

@@ -287,11 +287,11 @@ def _axis_problem(axis: AxisSpec, motor: Motor) -> str:
 
 def facts(options: MitOptions, bus: BusSpec) -> Sequence[AxisFacts]:
     """Return the steps of each axis' position and effort [rad], [N m], and its motor's damper."""
-    found = []
+    by_axis = []
     for motor in motors_of(options, bus):
         scale = scale_of(motor)
         torque = scale.torque
         if options.family == "robstride":
             torque = 2.0 * motor.t_max / damiao.POSITION_TOP  # 16 bits as well
-        found.append(AxisFacts(scale.position, torque, 0.0, damper_of(motor)))
-    return found
+        by_axis.append(AxisFacts(scale.position, torque, 0.0, damper_of(motor)))
+    return by_axis

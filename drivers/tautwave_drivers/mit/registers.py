@@ -41,27 +41,27 @@ class Registers:
     def read(self, motor_id: int, answer_id: int, register: Register) -> float | None:
         """Return the value of a register, None if the motor does not answer."""
         for _ in range(TRIES):
-            found = self.answers(motor_id, answer_id, register, first=True)
-            if found:
-                return found[0][1]
+            answers = self.answers(motor_id, answer_id, register, first=True)
+            if answers:
+                return answers[0][1]
         return None
 
     def answers(
         self, motor_id: int, answer_id: int | None, register: Register, *, first: bool = False
     ) -> list[tuple[int, float]]:
         """Return ids and values that answer a read: of all motors that respond, or on one id."""
-        found: list[tuple[int, float]] = []
+        heard: list[tuple[int, float]] = []
 
         def take(can_id: int, data: bytes) -> bool:
             value = None
             if can_id == answer_id or (answer_id is None and can_id != damiao.PARAMETERS):
                 value = damiao.register_value(data, motor_id, register)
             if value is not None:
-                found.append((can_id, value))
+                heard.append((can_id, value))
             return first and value is not None
 
         self.ask(damiao.PARAMETERS, damiao.read_register(motor_id, register), take)
-        return found
+        return heard
 
     def need(self, motor_id: int, answer_id: int, register: Register) -> float:
         """Return the value of a register.
@@ -88,28 +88,28 @@ class Registers:
 
     def set(self, motor_id: int, answer_id: int, register: Register, value: float) -> float:
         """Set a register until the power is switched off; return what it reads then."""
-        found = math.nan
+        value_read = math.nan
         for _ in range(TRIES):
             self._send(damiao.PARAMETERS, damiao.write_register(motor_id, register, value))
-            found = self.need(motor_id, answer_id, register)
-            if found == value:
+            value_read = self.need(motor_id, answer_id, register)
+            if value_read == value:
                 break
-        return found
+        return value_read
 
     def told(self, motor_id: int, answer_id: int, order: bytes) -> Feedback | None:
         """Send an order such as disable; return the feedback to it, None where none came."""
         for _ in range(TRIES):
-            found: list[Feedback] = []
+            feedbacks: list[Feedback] = []
 
-            def take(can_id: int, data: bytes, found: list[Feedback] = found) -> bool:
-                said = damiao.feedback(data, motor_id) if can_id == answer_id else None
-                if said is not None:
-                    found.append(said)
-                return said is not None
+            def take(can_id: int, data: bytes, heard: list[Feedback] = feedbacks) -> bool:
+                feedback = damiao.feedback(data, motor_id) if can_id == answer_id else None
+                if feedback is not None:
+                    heard.append(feedback)
+                return feedback is not None
 
             self.ask(motor_id, order, take)
-            if found:
-                return found[0]
+            if feedbacks:
+                return feedbacks[0]
         return None
 
     def ask(self, can_id: int, data: bytes, take: Callable[[int, bytes], bool]) -> None:

@@ -255,11 +255,11 @@ class RobstrideDriver(DriverBase):
     def _set(self, axis: Axis, parameter: Parameter, value: float) -> None:
         """Write a parameter, in the motor's RAM, and read it back."""
         self._write(axis, parameter, value)
-        found = self._need(axis, parameter)
-        if abs(found - value) > CLOSE * max(abs(value), 1e-3):
+        value_read = self._need(axis, parameter)
+        if abs(value_read - value) > CLOSE * max(abs(value), 1e-3):
             raise DriverError(
-                f"{self._where(axis)}: {parameter} stays at {found:g} when {value:g} is written; "
-                "update its firmware"
+                f"{self._where(axis)}: {parameter} stays at {value_read:g} when {value:g} is "
+                "written; update its firmware"
             )
 
     def _need(self, axis: Axis, parameter: Parameter) -> float:

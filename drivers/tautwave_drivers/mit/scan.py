@@ -70,7 +70,7 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
 
 def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str, Any]]:
     """Ask every id for its ESC_ID, accept answers on any id; then read the motors found."""
-    found: dict[tuple[int, int], int] = {}
+    motors: dict[tuple[int, int], int] = {}
 
     def hear(frame: tuple[int, bytes, int]) -> None:
         can_id, data, _ = frame
@@ -78,13 +78,13 @@ def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mappin
             return
         number = int.from_bytes(data[:2], "little")
         if number in asked and damiao.register_value(data, number, damiao.ESC_ID) == number:
-            found[number, can_id] = found.get((number, can_id), 0) + 1
+            motors[number, can_id] = motors.get((number, can_id), 0) + 1
 
     asked = list(options.ids or range(1, LAST_ID + 1))
     for at in range(0, len(asked), BURST):
         burst = asked[at : at + BURST]
         for _ in range(TRIES):
-            heard = {number for number, _ in found}
+            heard = {number for number, _ in motors}
             for number in burst:
                 if number not in heard:
                     port.send(damiao.PARAMETERS, damiao.read_register(number, damiao.ESC_ID))
@@ -99,7 +99,7 @@ def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mappin
     classic = getattr(port, "classic_ids", ())
     return [
         _row(registers, number, answer, times, answer in classic)
-        for (number, answer), times in sorted(found.items())
+        for (number, answer), times in sorted(motors.items())
     ]
 
 
@@ -117,10 +117,10 @@ def _row(
 
     def value(register: Register) -> float | None:
         try:
-            found = registers.read(number, answer, register)
+            value_read = registers.read(number, answer, register)
         except DriverError:
             return None
-        return found if found is not None and math.isfinite(found) else None
+        return value_read if value_read is not None and math.isfinite(value_read) else None
 
     for column, register, digits in COLUMNS:
         shown = value(register)

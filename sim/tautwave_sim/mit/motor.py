@@ -150,7 +150,7 @@ class Motor:
         follows = self.state == ON and self.registers.whole(r.CTRL_MODE) == MIT
         self._feedback()
         if follows:
-            self._order = self._decode(data)
+            self._order = self.decode_order(data)
             self._act()
         return follows
 
@@ -161,7 +161,7 @@ class Motor:
             self.state = OFF
             self._stop()
 
-    def _decode(self, data: bytes) -> tuple[float, float, float, float, float]:
+    def decode_order(self, data: bytes) -> tuple[float, float, float, float, float]:
         """Return position, velocity, kp, kd and torque of a frame, at the motor."""
         bits = int.from_bytes(data, "big")
         p, v = bits >> 48, bits >> 36 & 0xFFF
