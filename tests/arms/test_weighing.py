@@ -20,7 +20,7 @@ from tautwave.models.chain.kinematics import chain_frames
 from tautwave.rig.arms import joint_ranges, postures
 from tautwave.session.identification.weighing import (
     SlowMotion,
-    _bodies_of,
+    bodies_of,
     identify_load,
 )
 
@@ -98,7 +98,7 @@ def test_the_body_behind_a_joint_is_its_own_or_that_which_is_fixed_to_it() -> No
         Link("b", "turns", body=heavy),
         Link("tool", "fixed", body=heavy),
     )
-    assert _bodies_of(links) == [1, 2]
+    assert bodies_of(links) == [1, 2]
 
 
 def identify(rig: Rig, out: Path, axis: str | None, seconds: float) -> Any:

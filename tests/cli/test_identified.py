@@ -25,7 +25,8 @@ def estimate(value: float) -> Any:
 def fit(**more: Any) -> Any:
     return SimpleNamespace(
         inertia=estimate(1.5e-3), damping=estimate(0.015), coulomb=estimate(0.025),
-        bias=estimate(0.002), residual_rms=0.00123, explained=0.998, peak_velocity=3.2, **more,
+        bias=estimate(0.002), residual_rms=0.00123, explained=0.998, peak_velocity=3.2, weight=None,
+        **more,
     )  # fmt: skip
 
 

@@ -93,7 +93,9 @@ def test_a_sensor_of_what_touched_it_is_compared_with_the_motor(tmp_path: Path) 
     wild = csv(tmp_path / "w.csv", angle_rad=shown, motor_nm=effort, force=0.1 * outside)
     assert "inertia: {" not in identify_lever(wild, outside="force").snippet
     without = identify_lever(file)
-    assert any("something else (a hand, a contact) acts" in note for note in without.notes)
+    assert any(
+        "something else (a hand, a contact, a weight) acts" in note for note in without.notes
+    )
     assert ("inertia: {" in without.snippet) == (without.fit.inertia.lower > 0.0)
 
 

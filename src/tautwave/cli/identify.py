@@ -42,12 +42,15 @@ _RECORDING_ONLY = (
     "columns",
     "episode",
     "lever",
+    "chain",
+    "tip",
+    "gravity",
     "outside",
     "model",
     "intent",
 )
 _NOT_NOISE = (
-    *("load", "lever", "share", "reach"),
+    *("load", "lever", "chain", "tip", "gravity", "share", "reach"),
     *("effort", "outside", "model", "intent", "filter_hz"),
 )
 
@@ -77,6 +80,18 @@ _NOT_NOISE = (
     is_flag=True,
     help="RECORDING: instead, identify the device itself from its motion and motor effort.",
 )
+@click.option(
+    "--gravity",
+    is_flag=True,
+    help="RECORDING, --lever: the lever has a weight, which the position turns; it is found, too.",
+)
+@click.option(
+    "--chain",
+    metavar="URDF",
+    help="RECORDING: instead, find the masses of a whole arm from its motion and motor efforts; a "
+    "URDF file, or master or slave: the arm of a run's own rig.",
+)
+@click.option("--tip", metavar="LINK", help="RECORDING, --chain: last link of the arm in the URDF.")
 @click.option(
     "--outside",
     metavar="COLUMN",
@@ -119,9 +134,15 @@ _NOT_NOISE = (
 @click.option(
     "--allow-uncertified", is_flag=True, help="RIG: allow motion of a rig that is not certified."
 )
-@click.option("--position", metavar="COLUMN", help="RECORDING: column of the position.")
 @click.option(
-    "--effort", metavar="COLUMN", help="RECORDING: column of the external effort, either sign."
+    "--position",
+    metavar="COLUMN",
+    help="RECORDING: column of the position; with --chain A,B,... from base to tip.",
+)
+@click.option(
+    "--effort",
+    metavar="COLUMN",
+    help="RECORDING: column of the external effort, either sign; with --chain A,B,...",
 )
 @click.option("--time", metavar="COLUMN", help="RECORDING: column of the time.")
 @file_options("RECORDING")
@@ -166,6 +187,7 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
         tautwave identify contact.csv --position x_m --effort force_n
         tautwave identify bench.csv --lever --position x_s --effort tau_s
         tautwave identify rig.yaml --axis master.wrist --noise
+        tautwave identify bag --chain arm.urdf --tip tool0
     """
     rig = source.suffix in RIG_SUFFIXES and not source.is_dir()
     if not rig and source.suffix not in RECORDINGS and not source.is_dir():
@@ -186,7 +208,13 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
     for name in _NOT_NOISE if options["noise"] else ():
         if name in given:
             raise click.UsageError(f"{given[name]} cannot be combined with --noise.")
-    for name in ("model", "intent") if options["lever"] else ("outside",):
+    if options["chain"] is not None:
+        for name in ("lever", "model", "intent", "outside", "gravity", "axis"):
+            if name in given:
+                raise click.UsageError(f"{given[name]} cannot be combined with --chain.")
+    elif "tip" in given:
+        raise click.UsageError("--tip requires --chain URDF.")
+    for name in ("model", "intent") if options["lever"] else ("outside", "gravity"):
         if name in given:
             with_or = "cannot be combined with" if options["lever"] else "requires"
             raise click.UsageError(f"{given[name]} {with_or} --lever.")
@@ -198,6 +226,10 @@ def identify(ctx: click.Context, /, source: Path, **options: Any) -> None:
         from tautwave.cli.terminal.identify_load import run_load
 
         run_load(source, options)
+    elif options["chain"] is not None:
+        from tautwave.cli.terminal.identify_chain import run_chain
+
+        run_chain(source, options)
     elif options["lever"]:
         _lever(source, options)
     elif rig:
@@ -277,7 +309,7 @@ def _lever(source: Path, options: Mapping[str, Any]) -> None:
     result = identify_lever(
         source,
         stated=stated_of(options),
-        **{name: options[name] for name in (*_LEVER, "axis", "outside")},
+        **{name: options[name] for name in (*_LEVER, "axis", "outside", "gravity")},
     )
     directory = fresh_directory(options["out"], f"identify-{source.resolve().stem}")
     save_result(result.as_dict(), directory)

@@ -1,11 +1,13 @@
 """Inertia, viscous and Coulomb friction of a device from the effort it got and how it moved.
 
-`m a + b v + c sign(v) = effort + bias`, every term filtered by one kernel (see `regression`).
+`m a + b v + c sign(v) = effort + bias`, every term filtered by one kernel (see `regression`). A
+lever with a weight has `cosine cos x + sine sin x` beside the bias, as a rig's `load` states it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +36,8 @@ class DeviceFit(NamedTuple):
     `bias` is a constant effort from outside, such as a weight. `time_s`, `effort`, `model` are
     the filtered rows that were used and what the model says of them. `sensor_noise` is the
     standard deviation of the position's white noise [rad or m]; `peak_velocity` [rad/s or m/s];
-    `outside` the effort on the device for a unit of what a sensor shows, where there was one.
+    `outside` the effort on the device for a unit of what a sensor shows, where there was one;
+    `weight` cosine and sine of what the position turns [N m], where that was asked for.
     """
 
     inertia: Estimate
@@ -49,6 +52,7 @@ class DeviceFit(NamedTuple):
     effort: Array
     model: Array
     outside: Estimate | None = None
+    weight: tuple[Estimate, Estimate] | None = None
 
 
 def fit_device(
@@ -60,6 +64,7 @@ def fit_device(
     delay: float = 0.0,
     known: NDArray[np.bool_] | None = None,
     outside: Array | None = None,
+    weighs: bool = False,
 ) -> DeviceFit:
     """Fit a device that moved freely under a held effort.
 
@@ -84,6 +89,8 @@ def fit_device(
         Samples that were measured; the others are filled in, and not used.
     outside : array, (n,), optional
         What a sensor of the effort from outside shows, whose scale is fitted as well.
+    weighs : bool
+        Whether a weight that the position turns is fitted as well.
 
     Raises
     ------
@@ -111,11 +118,18 @@ def fit_device(
     if known is not None:
         use &= kernel.mass(~known) < 1e-3
     signs = kernel.apply(sign)
-    felt = None if outside is None else kernel.apply(outside)
+    felt = [] if outside is None else [kernel.apply(outside)]
+    if weighs:
+        felt += [kernel.apply(np.cos(position)), kernel.apply(np.sin(position))]
     rows, columns, target, coefficients = _solve_rows(
         kernel, position, effort, delay, signs, use, noise, felt
     )
-    total = effort if outside is None else effort + coefficients[4] * outside
+    beside = [] if outside is None else [outside]
+    beside += [np.cos(position), np.sin(position)] if weighs else []
+    total = effort + sum(
+        (factor * one for factor, one in zip(coefficients[4:], beside, strict=True)),
+        np.zeros_like(effort),
+    )
     stuck = _may_stick(velocity, total, delay, coefficients[:4], sharp)
     moving = use & (kernel.mass(stuck) < STUCK_SHARE)
     if np.count_nonzero(moving) > 0.3 * np.count_nonzero(use):
@@ -123,7 +137,8 @@ def fit_device(
             kernel, position, effort, delay, signs, moving, noise, felt
         )
     residual = target - columns @ coefficients
-    inertia, damping, coulomb, bias, *scale = intervals(columns, residual, list(coefficients))
+    inertia, damping, coulomb, bias, *rest = intervals(columns, residual, list(coefficients))
+    scale = None if outside is None else rest.pop(0)
     inertia, damping, coulomb = (_widened(e) for e in (inertia, damping, coulomb))
     return DeviceFit(
         inertia,
@@ -136,7 +151,8 @@ def fit_device(
         np.asarray((rows + kernel.half) * period, dtype=np.float64),
         target,
         columns @ coefficients,
-        scale[0] if scale else None,
+        scale,
+        (rest[0], rest[1]) if weighs else None,
     )
 
 
@@ -155,7 +171,7 @@ def _solve_rows(
     signs: Array,
     use: NDArray[np.bool_],
     noise: float,
-    felt: Array | None,
+    felt: Sequence[Array],
 ) -> tuple[NDArray[np.int64], Array, Array, Array]:
     """Rows, columns, target and coefficients; the rows are those marked, thinned."""
     rows = np.flatnonzero(use)[:: kernel.step]
@@ -166,8 +182,7 @@ def _solve_rows(
         )
     parts = [kernel.apply(position, 2)[rows], kernel.apply(position, 1)[rows], signs[rows]]
     parts.append(np.full(len(rows), -1.0))
-    if felt is not None:
-        parts.append(-felt[rows])
+    parts += [-one[rows] for one in felt]
     columns = np.stack(parts, axis=1)
     target = kernel.apply_held(effort, delay)[rows]
     return rows, columns, target, _without_noise(columns, target, noise, kernel)

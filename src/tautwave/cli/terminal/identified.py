@@ -139,6 +139,9 @@ def lever_sections(result: Any, units: tuple[str, str], picture: Path) -> list[A
         _line("Coulomb friction", fit.coulomb, effort),
         _line("constant external effort", fit.bias, effort),
     ]
+    if fit.weight is not None:
+        rows.append(_line("weight, cosine of the position", fit.weight[0], effort))
+        rows.append(_line("weight, sine of the position", fit.weight[1], effort))
     if fit.outside is not None:
         rows.append(_line(f"effort per unit of {result.outside_name}", fit.outside, effort))
         rows.append(_line("reading at zero effort", result.sensor_offset, effort))

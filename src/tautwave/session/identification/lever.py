@@ -12,7 +12,7 @@ from tautwave.analysis.identification.device_model import DeviceFit, fit_device
 from tautwave.analysis.identification.moving_encoder import moving_noise, moving_step
 from tautwave.analysis.identification.plausible import implausible
 from tautwave.analysis.identification.regression import Estimate
-from tautwave.errors import RecordingError
+from tautwave.errors import ConfigError, RecordingError
 from tautwave.recordings.stated import UNSTATED, Stated
 from tautwave.session.identification.identifying import device_numbers, device_snippet
 from tautwave.session.identification.recorded_columns import (
@@ -30,6 +30,10 @@ DELAYS = (0.0, 1.0, 2.0)
 """Periods after which a logged effort may act: the one that explains most is taken."""
 
 DOUBTFUL = 0.9
+
+WEIGHT = ("cosine", "sine")
+WEIGHED = 0.2
+"""Share of a weight by which it may be wrong."""
 
 WRONG, WILD = 0.1, 4.0
 """Greatest error of a sensor's scale without a note; factor at which no rig should believe it."""
@@ -52,6 +56,7 @@ class LeverResult(NamedTuple):
         fit, series = self.fit, self.series
         names = ["inertia", "damping", "coulomb", "bias"]
         names += ["outside"] if fit.outside is not None else []
+        weight = {} if fit.weight is None else dict(zip(WEIGHT, fit.weight, strict=True))
         offset = self.sensor_offset
         return {
             "kind": "lever",
@@ -64,7 +69,8 @@ class LeverResult(NamedTuple):
             "rate_hz": 1.0 / series.period,
             "effort_turned": self.turned,
             "delay_periods": self.delay,
-            "parameters": {name: getattr(fit, name)._asdict() for name in names},
+            "parameters": {name: getattr(fit, name)._asdict() for name in names}
+            | {name: estimate._asdict() for name, estimate in weight.items()},
             "sensor_offset": None if offset is None else offset._asdict(),
             "encoder_quantum": self.quantum,
             "position_noise": self.noise._asdict(),
@@ -99,7 +105,25 @@ class LeverResult(NamedTuple):
         if offset is not None and self.fit.outside is not None and self.fit.outside.value > 0.0:
             scale = 1.0 / self.fit.outside.value
             sensor = [f"effort_sensor: {{offset: {offset.value:.3g}, scale: {scale:.3g}}}"]
-        return "\n".join([*self._device, *step, noise, *sensor])
+        return "\n".join([*self._device, *step, noise, *sensor, *self._load])
+
+    @property
+    def _load(self) -> list[str]:
+        weight = self.fit.weight
+        if weight is None:
+            return []
+        if not self.knows_weight:
+            return ["# load: not known from this, see the notes"]
+        cosine, sine = (f"{one.value:.4g}" for one in weight)
+        return [f"load: {{constant: {self.fit.bias.value:.4g}, cosine: {cosine}, sine: {sine}}}"]
+
+    @property
+    def knows_weight(self) -> bool:
+        """Whether the weight is known to a fifth of itself, or is none beside the friction."""
+        assert self.fit.weight is not None
+        size = math.hypot(*(one.value for one in self.fit.weight))
+        doubt = max(one.upper - one.value for one in (*self.fit.weight, self.fit.bias))
+        return doubt < max(WEIGHED * size, self.fit.coulomb.value)
 
     @property
     def implausible(self) -> list[str]:
@@ -126,6 +150,7 @@ def identify_lever(
     position: str | None = None,
     effort: str | None = None,
     outside: str | None = None,
+    gravity: bool = False,
     time: str | None = None,
     axis: str | None = None,
     filter_hz: float | None = None,
@@ -142,6 +167,8 @@ def identify_lever(
     outside : str, optional
         Column of an effort sensor between the lever and what it touched; its scale and sign are
         found as well. Without it nothing may have touched the lever.
+    gravity : bool
+        Whether the lever has a weight that its position turns; it is found as a rig's `load`.
     time, axis : str, optional
         Column of the time, and axis, if they do not follow from the names.
     filter_hz : float, optional
@@ -159,6 +186,11 @@ def identify_lever(
     part = (begin_s, end_s)
     effort = motor_column(source, axis, effort, stated)
     series = changing(read_series(source, position, effort, time, axis, part, stated))
+    if gravity and series.rotary is False:
+        raise ConfigError(
+            f"--gravity: {series.position_name} is linear, and its weight is the same everywhere: "
+            "the constant external effort"
+        )
     felt = None
     if outside is not None:
         series, felt = with_beside(series, source, outside, time, axis, stated)
@@ -175,6 +207,7 @@ def identify_lever(
                     delay=delay,
                     known=series.known,
                     outside=felt,
+                    weighs=gravity,
                 )
             except ValueError as err:
                 raise too_little(series, err) from err
@@ -209,15 +242,22 @@ def _doubts(found: LeverResult) -> list[str]:
             f"{found.series.effort_name} counts against the position: its sign was inverted."
         )
     if fit.explained < DOUBTFUL or fit.inertia.lower <= 0.0:
+        heavy = "" if fit.weight is not None else "--gravity finds a weight; "
         notes.append(
             f"Doubtful: inertia and friction explain {fit.explained:.0%} of the effort; something "
-            "else (a hand, a contact) acts on the lever. Name its sensor with --outside, or choose "
-            "a free part with --from and --to."
+            f"else (a hand, a contact, a weight) acts on the lever. {heavy}name its sensor with "
+            "--outside, or choose a free part with --from and --to."
         )
     elif pushes(fit):
         notes.append(
             f"Doubtful: friction comes out negative, so {found.series.effort_name} is not what "
             "moved the lever. Choose a part or a recording in which it is."
+        )
+    if fit.weight is not None and not found.knows_weight:
+        moved = float(np.ptp(found.series.position[found.series.known]))
+        notes.append(
+            f"Doubtful: over {moved:.2g} rad a weight that turns is not told from a constant "
+            "effort; move the lever farther, at best through a whole turn."
         )
     if fit.outside is not None:
         one = fit.outside

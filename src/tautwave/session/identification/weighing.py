@@ -266,7 +266,7 @@ def fit_loads(
     if arm is None:
         return _fit_axis(rig, names[0], joints, every, positions[:, 0], fit_weights)
     links, _ = chain_links(arm)
-    at = _bodies_of(links)
+    at = bodies_of(links)
     speeds = np.stack([joint.velocity[every] for joint in joints], axis=1)
     rates = np.stack([joint.acceleration[every] for joint in joints], axis=1)
     columns = np.empty((len(every), len(names), 4 * len(at)))
@@ -281,13 +281,13 @@ def fit_loads(
     for _ in range(PASSES):  # what accelerates is taken as found the time before
         chain = build_chain(links, arm.gravity, held_at_tip(arm))
         believed = np.array(
-            [_needed(chain, *row) for row in zip(positions, speeds, rates, strict=True)]
+            [needed(chain, *row) for row in zip(positions, speeds, rates, strict=True)]
         )
         fit = fit_weights(joints, every, believed, columns, scales)
         weights = _arm_weights(start, links, at, fit)
         links = _with_found(links, at, weights)
     first = build_chain(start, arm.gravity, held_at_tip(arm))
-    asked = np.array([_needed(first, *row) for row in zip(positions, speeds, rates, strict=True)])
+    asked = np.array([needed(first, *row) for row in zip(positions, speeds, rates, strict=True)])
     plain = fit_weights(joints, every, asked, columns[:, :, :0], ())
     return tuple(weights), fit._replace(before=plain.after)
 
@@ -327,7 +327,7 @@ def _moved_by(change: Estimate, value: float, scale: float = 1.0) -> Estimate:
     )
 
 
-def _bodies_of(links: Sequence[Link]) -> list[int]:
+def bodies_of(links: Sequence[Link]) -> list[int]:
     """Return for each moving joint the link that holds its body: itself, or the next, fixed one."""
     carriers = []
     for number, link in enumerate(links):
@@ -359,7 +359,7 @@ def _weights(chain: ChainParams, positions: Any) -> Any:
     return efforts
 
 
-def _needed(chain: ChainParams, q: Any, v: Any, a: Any) -> list[float]:
+def needed(chain: ChainParams, q: Any, v: Any, a: Any) -> list[float]:
     """Return what holds and moves a chain as believed, but for the joints' own inertia."""
     count = len(q)
     frames = chain_frames(chain, q.tolist())
