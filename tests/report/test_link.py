@@ -11,6 +11,7 @@ import pytest
 
 from tautwave.laws.counters import ENERGY_QUANTUM
 from tautwave.laws.receiver import RESERVE
+from tautwave.report.judged import judged, severity_of
 from tautwave.report.link import kept_of, link_figures, link_sentences
 from tautwave.report.motors import stated_debt
 from tautwave.report.run.after_run import recheck_run
@@ -74,8 +75,8 @@ def test_figures() -> None:
 
 
 def test_sentences_compare_the_delay_with_what_was_expected() -> None:
-    [said, budget], felt = link_sentences(run())
-    assert felt
+    said, budget = link_sentences(run())
+    assert severity_of(judged(run().result), "link") == "note"
     for words in ("master.lever: 10 % of the packets lost", "held 1 x", "200\u202fmrad owed"):
         assert words in said
     assert budget.startswith("lever: 21.5 ms one way at the median, 17.5 expected: sensing 1 (1)")
@@ -86,7 +87,7 @@ def test_without_a_network_there_is_none() -> None:
     bare = Run(
         Path(), {}, "", Summary(), ("skipped_slots",), 1, whole={"skipped_slots": np.zeros(1)}
     )
-    assert link_sentences(bare) == ([], False)
+    assert link_sentences(bare) == []
 
 
 @pytest.mark.parametrize("quanta", [0, 1])

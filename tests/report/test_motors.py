@@ -18,7 +18,7 @@ from tautwave.report.claims import exceeds
 from tautwave.report.motors import motor_energy
 from tautwave.report.run.rebuild import rebuild_summary
 from tautwave.report.run.rundir import Run
-from tautwave.report.run.verdicts import _books, verdicts
+from tautwave.report.run.verdicts import verdicts
 from tautwave.rig import command_delays
 from tautwave.session.facts import pair_facts, port_claims
 from tautwave.summary import Summary, summary_of
@@ -125,7 +125,8 @@ def test_books_that_close_are_bad_where_motors_gave_more_than_the_debt(
     motors = {"worst": worst, "worst_at_s": 1.0, "stated_debt": 1e-3}
     energy = {"gross_flow": 1.0, "residual": 0.0, "motors_net": 1e-4, "generated": 0.0}
     summary = {"energy_j": energy, "pairs": {"wrist": {"motors": motors}}}
-    books = _books(Run(Path(), {}, "", summary_of(summary)[0]))
+    run = Run(Path(), {}, "", summary_of(summary)[0])
+    [books] = [one for one in verdicts(run) if one.topic == "Energy books"]
     assert books.status == status
     assert any("more than the" in sentence for sentence in books.sentences) == (status == "bad")
 

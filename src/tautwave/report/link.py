@@ -102,9 +102,9 @@ def _times(delay: Floats, depth: Floats) -> dict[str, float]:
     }
 
 
-def link_sentences(run: Run) -> tuple[list[str], bool]:
-    """Return what the network did to each side, and the delays; whether a side held or was cut."""
-    sentences, felt = [], False
+def link_sentences(run: Run) -> list[str]:
+    """Return what the network did to each side, and the delays."""
+    sentences = []
     for pair in run.pairs:
         sides = run.result_of(pair).link
         position, _ = axis_units(axis_kind(run, "master", pair))
@@ -120,11 +120,10 @@ def link_sentences(run: Run) -> tuple[list[str], bool]:
                 text += f", energy short in {ratio(100.0 * figures.cut)} % of the cycles"
             if figures.holds:
                 text += f"; held {figures.holds} x, {quantity(figures.held_s, 's')} in all"
-            felt = felt or figures.holds > 0
             sentences.append(f"{text}.")
         budget = _budget(run, pair, sides)
         sentences += [budget] if budget else []
-    return sentences, felt
+    return sentences
 
 
 def _budget(run: Run, pair: str, sides: Mapping[Side, LinkEnd]) -> str:

@@ -292,8 +292,12 @@ class Certificate(Block):
         """How serious it is, after the run."""
         if self.after_run.invalidated:
             return "bad"
-        before = certified_severity(self.passed, self.state)
-        return "note" if before == "ok" and self.after_run.broken_conditions else before
+        return "note" if self.before == "ok" and self.after_run.broken_conditions else self.before
+
+    @property
+    def before(self) -> Severity:
+        """How serious it was, before the run."""
+        return certified_severity(self.passed, self.state)
 
 
 class Recording(Block):

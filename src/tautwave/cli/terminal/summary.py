@@ -7,16 +7,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tautwave.cli.terminal.screen import NUMBER, as_one, axes_named, folded, spanned
-from tautwave.cli.terminal.show import printable, verdict
-from tautwave.report.books import books_closed
+from tautwave.cli.terminal.show import printable
 from tautwave.report.calm import CHATTER_THRESHOLD, worst_share
 from tautwave.report.claims import blows_of, claims_sentence, exceeds, kept_claims
+from tautwave.report.judged import certificate_words, judged
 from tautwave.report.units import axis_units, count, microseconds, plural, quantity, ratio
 from tautwave.runtime.operate.journal import said_of
 from tautwave.summary import Summary
 from tautwave.summary.ending import eventful, events, first_cause, generated, outcome
-from tautwave.summary.model import Certificate, Pair
-from tautwave.tables import BAD, FAINT, GOOD, NOTE, Cell, Table
+from tautwave.summary.model import Certificate, Pair, Severity
+from tautwave.tables import BAD, FAINT, GOOD, NOTE, Cell, Level, Table
 
 PAGE = "report.html"
 FILES = (PAGE, "summary.json", "recording.mcap", "rig.yaml", "output.wav", "scene.gif")
@@ -112,31 +112,28 @@ def _greatest(summary: Summary) -> Iterator[Sequence[str | Cell]]:
 def _judged(summary: Summary) -> Iterator[Sequence[str | Cell]]:
     """Yield whether claims were kept, what became of the certificate, and whether books closed."""
     yield from _did(summary)
-    ends = list(kept_claims(summary))
-    if ends:
-        broken = any(end.passed is False for end in ends)
-        yield "claims", Cell(f"not kept: {claims_sentence(ends)}", BAD) if broken else KEPT
-    flow = summary.energy_j.gross_flow or 0.0
-    for name, pair in summary.pairs.items():
-        motors = pair.motors
-        if motors is not None and exceeds(motors, flow, blows_of(summary, name)):
-            text = f"{name}: {quantity(motors.worst, 'J', 3)}, more than its ports claim"
-            yield "motors gave", Cell(text, BAD)
-    certificate = summary.certificate
-    says = _after_run(certificate)
-    yield "certificate", Cell(f"{certificate.require.replace('_', ' ')}: {says.text}", says.level)
-    above = set(generated(summary))
+    certificate, above = summary.certificate, set(generated(summary))
     notes = [one for one in _certificate_notes(certificate) if one not in above]
-    for sentence in notes[:MAX_NOTES]:
-        yield "", Cell(folded("certificate", sentence, ADVICE), BAD)
-    closed = books_closed(summary)
-    if closed is not None:
-        residual = quantity(summary.energy_j.residual, "J", 3)
-        yield "energy books", CLOSED if closed else Cell(f"not closed: {residual} are missing", BAD)
-    late = summary.lateness_us
-    if summary.clock != "fake" and late.p99 is not None:
-        text = f"99 % of the cycles at most {microseconds(late.p99, 3)} late"
-        yield "timing", f"{text}, the latest {microseconds(late.max, 3)}"
+    for one in judged(summary):
+        if one.topic not in SAID or not one.words:
+            continue
+        words = one.words
+        if one.topic == "certificate":
+            words = f"{certificate.require.replace('_', ' ')}: {words}"
+        yield one.topic, _coloured(words, one.severity)
+        if one.topic == "certificate":
+            for sentence in notes[:MAX_NOTES]:
+                yield "", Cell(folded("certificate", sentence, ADVICE), BAD)
+
+
+SAID = ("claims", "motors gave", "certificate", "energy books", "timing")
+"""Topics that are rows of the screen; its head and its tables say the others."""
+
+
+def _coloured(text: str, severity: Severity) -> Cell:
+    """Return text in the colour of what it says; what is not known is worth a look."""
+    levels: dict[Severity, Level] = {"ok": GOOD, "bad": BAD, "note": NOTE, "open": NOTE, "info": ""}
+    return Cell(text, levels[severity])
 
 
 def _did(summary: Summary) -> Iterator[Sequence[str | Cell]]:
@@ -156,7 +153,6 @@ def _did(summary: Summary) -> Iterator[Sequence[str | Cell]]:
 MAX_EPISODES = 2
 """Episodes that are shown one by one."""
 
-KEPT, CLOSED = Cell("kept", GOOD), Cell("closed", GOOD)
 ADVICE = len("energy books")
 
 
@@ -338,12 +334,7 @@ def _motors(summary: Summary) -> Iterator[Sequence[str | Cell]]:
 
 def _after_run(certificate: Certificate) -> Cell:
     """Return the verdict on a certificate as a run has left it."""
-    before = verdict(certificate.passed, certificate.state)
-    if certificate.after_run.invalidated:
-        return Cell(f"{before.text}, before the run; invalidated by it", BAD)
-    if certificate.after_run.broken_conditions:
-        return Cell(f"{before.text}, on conditions that this run did not meet", NOTE)
-    return before
+    return _coloured(certificate_words(certificate), certificate.severity)
 
 
 def _certificate_notes(certificate: Certificate) -> Iterator[str]:
