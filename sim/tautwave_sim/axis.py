@@ -12,11 +12,12 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from tautwave.columns import names, under
 from tautwave.contracts import Row
 from tautwave.models.encoder import quantise
 from tautwave.models.sensors.effort import SensorParams, follow_effort, sensor_reading
 from tautwave.streams import MISSING, NOISE, SENSOR, normal_stream, uniform_stream
-from tautwave.truth import ArmModel, AxisModel, PositionLoop
+from tautwave.truth import OF_HAND, OF_PLACE, PLANT, TRUE, ArmModel, AxisModel, PositionLoop
 from tautwave.types import JointState
 from tautwave_sim.loaded import ArmPhysics, JointPhysics, LoadedPhysics
 from tautwave_sim.physics import (
@@ -302,13 +303,8 @@ class SimulatedAxis:
 
     def _columns(self) -> list[str]:
         """Return the names of the columns that `fill` writes."""
-        names = [f"true.{self.name}.position", f"true.{self.name}.velocity"]
-        if self._last >= 0:
-            names += [f"true.{self.name}.reference", f"true.{self.name}.hand_effort"]
-        names += [f"true.{self.name}.environment_effort"]
-        books = ["hand_work", "motor_work", "kinetic", "grip_stored", "environment_stored"]
-        books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
-        return names + [f"plant.{self.name}.{book}" for book in books]
+        true = [*TRUE, *(OF_HAND if self._last >= 0 else ()), *OF_PLACE]
+        return names((*under(f"true.{self.name}", true), *under(f"plant.{self.name}", PLANT)))
 
     def fill(self, row: Row, at: int) -> None:
         """Write the truth at this slot into `row` from index `at` on."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from tautwave.columns import Column
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.foam import FoamParams
 from tautwave.models.load import LoadParams
@@ -14,6 +15,28 @@ from tautwave.models.sensors.effort import SensorParams
 from tautwave.models.servo import ServoParams
 
 Grasp = Callable[[float, float, float], float]
+
+TRUE = (
+    Column("position", "rad, m", "where it really is"),
+    Column("velocity", "rad/s, m/s", ""),
+)
+OF_HAND = (
+    Column("reference", "rad, m", "intended position of the hand"),
+    Column("hand_effort", "N m, N", "effort of the hand on the device"),
+)
+OF_PLACE = (Column("environment_effort", "N m, N", "effort of the environment on it"),)
+PLANT = (
+    Column("hand_work", "J", "work of the hand's intent"),
+    Column("motor_work", "J", "work of the motor"),
+    Column("kinetic", "J", "now in the moving mass; an arm's joint: given to it"),
+    Column("grip_stored", "J", "now in the spring of the grip"),
+    Column("environment_stored", "J", "now in what it touches"),
+    Column("grip_loss", "J", "dissipated in the grip"),
+    Column("viscous_loss", "J", "dissipated in the device's damping"),
+    Column("coulomb_loss", "J", "dissipated in its Coulomb friction"),
+    Column("environment_loss", "J", "dissipated in what it touches"),
+)
+"""Columns of a simulated axis in their order: its motion, its hand's if one holds it, the rest."""
 
 
 class ArmModel(NamedTuple):

@@ -8,23 +8,77 @@ times displacement measured): the sum over axes has to be the sum over elements.
 
 from __future__ import annotations
 
+from tautwave.columns import Column, names
 from tautwave.contracts import Row
 from tautwave.controller.axis import stored_in_wall
 from tautwave.controller.pair import effort_error, position_error
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.steps import Law, Steps
 
+AXIS = (
+    Column("position", "rad, m", "as measured"),
+    Column("velocity", "rad/s, m/s", "as used by the controller, after its filter"),
+    Column(
+        "commanded",
+        "N m, N; rad/s, m/s",
+        "what was written to the device: effort, or velocity on an admittance axis",
+    ),
+    Column(
+        "port_effort",
+        "N m, N",
+        "effort of the coupling at this port, opposite to the motor's",
+    ),
+    Column("valid", "0, 1", "whether this cycle has a sample of the axis"),
+    Column(
+        "port_energy",
+        "J",
+        "energy absorbed by the motor from the device so far: applied effort times displacement",
+    ),
+    Column("gross_flow", "J", "the same, with all increments counted as positive"),
+    Column(
+        "uncertainty",
+        "J",
+        "uncertainty of `port_energy` where an effort did not act for whole periods, or was "
+        "only sampled",
+    ),
+    Column(
+        "limited",
+        "",
+        "what limits the command, a sum: 1 the coupling's share of the axis, 2 effort_limit "
+        "(of a velocity: velocity_limit), 4 effort_rate_limit, 8 the drive's steps, 16 the "
+        "ceiling of a ramp, 32 a stop, 64 the bound for stalls (stall_energy_j); 0: what "
+        "coupling and wall ask for is sent",
+    ),
+)
+"""What every axis writes, in the order of `fill_axis`."""
+
+MEASURED = Column(
+    "measured_effort",
+    "N m, N",
+    "admittance axes, and those with an effort_sensor: external effort, measured",
+)
+
+WALL = Column("wall_effort", "N m, N", "effort of the local wall")
+
+PAIR = (
+    Column("position_error", "rad, m", "master less slave, in the master's units"),
+    Column(
+        "effort_error",
+        "N m, N",
+        "sum of both ports' efforts in the master's units; 0 in equilibrium",
+    ),
+)
+"""What every pair writes after its axes."""
+
 
 def axis_columns(name: str, p: AxisParams, law: Law) -> list[str]:
     """Return the column names of one axis, e.g. `master.wrist`; filled by `fill_axis`."""
-    names = ["position", "velocity", "commanded", "port_effort", "valid"]
-    names += ["port_energy", "gross_flow", "uncertainty", "limited"]
-    names += law.signals
+    found = [*names(AXIS), *law.signals]
     if not p.impedance or p.senses:
-        names += ["measured_effort"]
+        found.append(MEASURED.name)
     if p.site.has_wall:
-        names += ["wall_effort"]
-    return [f"{name}.{column}" for column in names]
+        found.append(WALL.name)
+    return [f"{name}.{column}" for column in found]
 
 
 def element_names(q: PairParams, p1: AxisParams, p2: AxisParams, law: Law) -> list[str]:
@@ -41,8 +95,7 @@ def pair_columns(name: str, q: PairParams, p1: AxisParams, p2: AxisParams, law: 
     return [
         *axis_columns(f"master.{name}", p1, law),
         *axis_columns(f"slave.{name}", p2, law),
-        f"{name}.position_error",
-        f"{name}.effort_error",
+        *(f"{name}.{column}" for column in names(PAIR)),
         *(
             f"{name}.{element}.{part}"
             for element in element_names(q, p1, p2, law)

@@ -2,79 +2,18 @@
 
 from __future__ import annotations
 
-import re
-from typing import NamedTuple
-
 from tautwave import registry
+from tautwave.columns import Column, under
 from tautwave.config.keys.control import SCENE
+from tautwave.controller.rows import AXIS, MEASURED, PAIR, WALL
 from tautwave.errors import ConfigError
-
-
-class Column(NamedTuple):
-    """A kind of column: SIDE is master or slave, AXIS, PAIR and others are names of the rig."""
-
-    name: str
-    unit: str
-    meaning: str
-
-    def matches(self, column: str) -> bool:
-        """Return whether a recorded column is of this kind."""
-        pattern = re.escape(self.name).replace("SIDE", "(?:master|slave)")
-        return (
-            re.fullmatch(
-                re.sub(
-                    "AXIS|PAIR|PORT|NODE|JOINT|BUS|WALL|ARM", "[A-Za-z_][A-Za-z0-9_.-]*", pattern
-                ),
-                column,
-            )
-            is not None
-        )
-
+from tautwave.runtime.loop import TIMING
+from tautwave.truth import OF_HAND, OF_PLACE, PLANT, TRUE
 
 SECTIONS = {
-    "The cycle": (
-        Column("time_s", "s", "start of the slot, since the first one"),
-        Column("lateness_us", "µs", "delay of the cycle's start after its slot"),
-        Column(
-            "compute_us", "µs", "from there to the end of the cycle, including waiting for buses"
-        ),
-        Column("skipped_slots", "", "slots skipped before this one, because the loop was late"),
-    ),
+    "The cycle": (*TIMING,),
     "An axis": (
-        Column("SIDE.AXIS.position", "rad, m", "as measured"),
-        Column("SIDE.AXIS.velocity", "rad/s, m/s", "as used by the controller, after its filter"),
-        Column(
-            "SIDE.AXIS.commanded",
-            "N m, N; rad/s, m/s",
-            "what was written to the device: effort, or velocity on an admittance axis",
-        ),
-        Column(
-            "SIDE.AXIS.port_effort",
-            "N m, N",
-            "effort of the coupling at this port, opposite to the motor's",
-        ),
-        Column("SIDE.AXIS.valid", "0, 1", "whether this cycle has a sample of the axis"),
-        Column(
-            "SIDE.AXIS.port_energy",
-            "J",
-            "energy absorbed by the motor from the device so far: "
-            "applied effort times displacement",
-        ),
-        Column("SIDE.AXIS.gross_flow", "J", "the same, with all increments counted as positive"),
-        Column(
-            "SIDE.AXIS.uncertainty",
-            "J",
-            "uncertainty of `port_energy` where an effort did not act for whole periods, or was "
-            "only sampled",
-        ),
-        Column(
-            "SIDE.AXIS.limited",
-            "",
-            "what limits the command, a sum: 1 the coupling's share of the axis, 2 effort_limit "
-            "(of a velocity: velocity_limit), 4 effort_rate_limit, 8 the drive's steps, 16 the "
-            "ceiling of a ramp, 32 a stop, 64 the bound for stalls (stall_energy_j); 0: what "
-            "coupling and wall ask for is sent",
-        ),
+        *under("SIDE.AXIS", AXIS),
         Column("SIDE.AXIS.wave_in", "W^½", "the wave that arrived (law `wave`)"),
         Column("SIDE.AXIS.wave_out", "W^½", "the wave that left (law `wave`)"),
         Column(
@@ -114,11 +53,7 @@ SECTIONS = {
             "",
             "over a network: cycles so far in which the energy received did not cover the wave",
         ),
-        Column(
-            "SIDE.AXIS.measured_effort",
-            "N m, N",
-            "admittance axes, and those with an effort_sensor: external effort, measured",
-        ),
+        *under("SIDE.AXIS", [MEASURED]),
         Column(
             "SIDE.AXIS.followed",
             "rad, m",
@@ -160,7 +95,7 @@ SECTIONS = {
             "J",
             "taken so far by the damper in the motor, at least, by its model",
         ),
-        Column("SIDE.AXIS.wall_effort", "N m, N", "effort of the local wall"),
+        *under("SIDE.AXIS", [WALL]),
         Column(
             "SIDE.AXIS.answer_us",
             "µs",
@@ -190,14 +125,7 @@ SECTIONS = {
             "operated rig: energy absorbed by the master's motor while not engaged",
         ),
     ),
-    "A pair": (
-        Column("PAIR.position_error", "rad, m", "master less slave, in the master's units"),
-        Column(
-            "PAIR.effort_error",
-            "N m, N",
-            "sum of both ports' efforts in the master's units; 0 in equilibrium",
-        ),
-    ),
+    "A pair": (*under("PAIR", PAIR),),
     "An operated rig": (
         Column(
             "operation.state",
@@ -301,22 +229,8 @@ SECTIONS = {
         Column("arm.ARM.work", "J", "given to it by all joints: `plant.SIDE.AXIS.kinetic`, added"),
     ),
     "The truth of a simulated axis": (
-        Column("true.SIDE.AXIS.position", "rad, m", "where it really is"),
-        Column("true.SIDE.AXIS.velocity", "rad/s, m/s", ""),
-        Column("true.SIDE.AXIS.reference", "rad, m", "intended position of the hand"),
-        Column("true.SIDE.AXIS.hand_effort", "N m, N", "effort of the hand on the device"),
-        Column("true.SIDE.AXIS.environment_effort", "N m, N", "effort of the environment on it"),
-        Column("plant.SIDE.AXIS.hand_work", "J", "work of the hand's intent"),
-        Column("plant.SIDE.AXIS.motor_work", "J", "work of the motor"),
-        Column(
-            "plant.SIDE.AXIS.kinetic", "J", "now in the moving mass; an arm's joint: given to it"
-        ),
-        Column("plant.SIDE.AXIS.grip_stored", "J", "now in the spring of the grip"),
-        Column("plant.SIDE.AXIS.environment_stored", "J", "now in what it touches"),
-        Column("plant.SIDE.AXIS.grip_loss", "J", "dissipated in the grip"),
-        Column("plant.SIDE.AXIS.viscous_loss", "J", "dissipated in the device's damping"),
-        Column("plant.SIDE.AXIS.coulomb_loss", "J", "dissipated in its Coulomb friction"),
-        Column("plant.SIDE.AXIS.environment_loss", "J", "dissipated in what it touches"),
+        *under("true.SIDE.AXIS", (*TRUE, *OF_HAND, *OF_PLACE)),
+        *under("plant.SIDE.AXIS", PLANT),
     ),
 }
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from tautwave import registry
+from tautwave.columns import Column
 from tautwave.config import Rig
 from tautwave.config.keys.control import SCENE
-from tautwave.report.columns import Column
 from tautwave.report.figures.envelope import Floats
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from contextlib import suppress
 from functools import partial
 from typing import NamedTuple, Protocol
 
+from tautwave.columns import Column, names
 from tautwave.contracts import READ_SHARE, Clock, Row, RowSource
 from tautwave.controller.stops import CHECK_CABLE, StopPlace
 from tautwave.errors import BusTimeout, DeviceFault, DriverError, SettingsDifferError, TautwaveError
@@ -24,7 +25,15 @@ from tautwave.types import SAFE_COMMAND, Fault
 ENABLE_TIMEOUT_S = 10.0
 MAX_LATER = 3
 """Faults reported after the reason to end that its sentence names."""
-TIMING_COLUMNS = ("time_s", "lateness_us", "compute_us", "skipped_slots")
+TIMING = (
+    Column("time_s", "s", "start of the slot, since the first one"),
+    Column("lateness_us", "µs", "delay of the cycle's start after its slot"),
+    Column("compute_us", "µs", "from there to the end of the cycle, including waiting for buses"),
+    Column("skipped_slots", "", "slots skipped before this one, because the loop was late"),
+)
+"""What the loop writes into a row."""
+
+TIMING_COLUMNS = tuple(names(TIMING))
 
 
 class RowSink(Protocol):

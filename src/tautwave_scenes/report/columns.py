@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tautwave.report.columns import Column
+from tautwave.columns import Column
 
 SECTIONS = {
     "A scene": (

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from tautwave.columns import Column
 from tautwave.config import Rig
-from tautwave.report.columns import Column
 from tautwave.report.run.parts import Part
 from tautwave.report.run.rundir import Run
 from tautwave_scenes.report.books import claim, given

@@ -1,0 +1,65 @@
+"""Columns as declared, beside what the controller writes where they say."""
+
+from __future__ import annotations
+
+import pytest
+
+from tautwave.columns import names
+from tautwave.config import load_rig
+from tautwave.config.shipped import find_example
+from tautwave.controller.pair import effort_error, position_error
+from tautwave.controller.rows import AXIS, MEASURED, PAIR, WALL
+from tautwave.report.columns import SECTIONS, unit_of
+from tautwave.rig import command_delays
+from tautwave.rig.controller import make_control
+
+FIELDS = {
+    "position": "position",
+    "velocity": "velocity",
+    "commanded": "command",
+    "port_effort": "port_effort",
+    "port_energy": "port_energy",
+    "gross_flow": "gross_flow",
+    "uncertainty": "uncertainty",
+    "limited": "limited",
+    "measured_effort": "outside",
+    "wall_effort": "wall_effort",
+}
+"""Fields of an axis' state by the column that has them; `valid` is a word of its own."""
+
+
+@pytest.mark.parametrize("rig_name", ["bench-1dof-loopback", "bench-admittance-loopback"])
+def test_a_declared_column_has_its_own_field_of_the_state(rig_name: str) -> None:
+    rig = load_rig(find_example(f"{rig_name}.yaml").path)
+    control = make_control(rig, command_delays(rig), 10)
+    for at, side in enumerate(("one", "two")):
+        state = getattr(control.view.views[0], side)
+        for number, field in enumerate(FIELDS.values()):
+            setattr(state, field, 1.0 + number + 100.0 * at)
+    row = [0.0] * len(control.columns)
+    control.fill(row, 0)
+    written = dict(zip(control.columns, row, strict=True))
+    pair = control.view.views[0]
+    name = control.pair_names[0]
+    for side, s, p in (("master", pair.one, pair.p1), ("slave", pair.two, pair.p2)):
+        there = names(AXIS) + [MEASURED.name] * (not p.impedance or p.senses)
+        there += [WALL.name] * p.site.has_wall
+        for column in there:
+            if column == "valid":
+                continue
+            weight = p.weight if column in ("port_energy", "gross_flow", "uncertainty") else 1.0
+            value = weight * getattr(s, FIELDS[column])
+            assert written[f"{side}.{name}.{column}"] == value, column
+    assert {one: written[f"{name}.{one}"] for one in names(PAIR)} == {
+        "position_error": position_error(pair),
+        "effort_error": effort_error(pair),
+    }
+
+
+def test_units_are_those_of_the_declarations() -> None:
+    for column in (*AXIS, MEASURED, WALL):
+        given = column.unit.split("; ")[0].split(", ")
+        expected = "" if given[0] in ("0", "1") else given[0]
+        assert unit_of(f"master.wrist.{column.name}") == expected
+    listed = [one.name for columns in SECTIONS.values() for one in columns]
+    assert len(listed) == len(set(listed))
