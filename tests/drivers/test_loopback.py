@@ -6,9 +6,7 @@ import pytest
 
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
-from tautwave.errors import DriverError
 from tautwave.testing import DriverBench, DriverContract
-from tautwave.types import SAFE_COMMAND
 from tautwave_sim.loopback import LoopbackDriver, LoopbackOptions, LoopbackSimulator, plugin
 from tests.sim.truths import truth
 
@@ -51,12 +49,6 @@ class TestLoopback(DriverContract):
     @pytest.fixture
     def bench(self, case: tuple[tuple[str, ...], float]) -> DriverBench:  # type: ignore[override]
         return make(*case[0], delay_s=case[1])
-
-
-def test_it_tells_a_wrong_number_of_commands() -> None:
-    bench = make("impedance", "impedance")
-    with pytest.raises(DriverError, match="1 commands for 2 axes"):
-        bench.driver.write([SAFE_COMMAND])
 
 
 def test_the_plugin_has_no_hardware_and_no_bus_time() -> None:

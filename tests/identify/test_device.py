@@ -36,6 +36,7 @@ def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
 def found_and_true(rig: Rig, axis: str, directory: Path) -> list[tuple[str, bool, float]]:
     result = identify_device(rig, axis=axis, out=directory, clock="fake", duration_s=6.0)
     truth = simulation_of(rig, axis)
+    assert not any("inertia is indistinguishable" in note for note in result.notes)
     pairs = []
     for name in ("inertia", "damping", "coulomb"):
         estimate, value = getattr(result.fit, name), getattr(truth, name)

@@ -224,6 +224,8 @@ def test_less_than_an_encoder_step_is_called_that(simulated: tuple[Rig, Path]) -
     assert "20.9" in words
     found["oracle"]["position"] = 1e-3
     assert not list(precision_table.step_notes(run, "lever", found))
+    without: Any = SimpleNamespace(rig={})  # a rig that states no encoder step has none
+    assert not list(precision_table.step_notes(without, "lever", {"oracle": {"position": 1e-6}}))
 
 
 @pytest.mark.parametrize(

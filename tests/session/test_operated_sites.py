@@ -79,6 +79,7 @@ def test_commands_of_either_site_are_done_at_both_and_recorded_at_both(pair: Mak
         two.run(30)
     for half, far in ((two.master, "slave key"), (two.slave, "master key")):
         assert half.control.journal.engagements == 2
+        assert not half.control.wants_reset  # no device of theirs is suspect
         assert half.residual() < 1e-9
         assert [one for one in words(half) if one[0] in ("engage", "clutch")] == [
             (word, source, state)

@@ -364,12 +364,6 @@ def test_a_drive_that_failed_is_commanded_nothing_but_zero() -> None:
     assert made.commanded(0) == 0.0
 
 
-def test_a_wrong_number_of_commands_is_refused() -> None:
-    made = bench(spec(1), spec(2))
-    with pytest.raises(DriverError, match=r"1 commands for 2 axes"):
-        made.driver.write([_push(0.0)])
-
-
 def test_between_request_and_read_a_poll_goes_on_with_the_exchange() -> None:
     """Two drives, two questions each, on a line that is looked at every millisecond only."""
     made = bench(spec(1), spec(2), rate_hz=20.0, profile="dsy-rs", **SLOW_RTU)
