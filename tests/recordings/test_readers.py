@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -212,10 +213,23 @@ def test_what_is_no_such_file_is_a_sentence(tmp_path: Path, name: str) -> None:
         column_names(path)
 
 
-def test_a_bag_without_joints_is_a_sentence(tmp_path: Path) -> None:
+def test_a_bag_without_joints_is_a_sentence_and_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "a.db3"
-    with sqlite3.connect(path) as bag:
+    with closing(sqlite3.connect(path)) as bag, bag:
         bag.execute("CREATE TABLE topics (id, name, type)")
         bag.execute("CREATE TABLE messages (topic_id, timestamp, data)")
+    opened: list[sqlite3.Connection] = []
+
+    def connect(*words: Any, **named: Any) -> sqlite3.Connection:
+        opened.append(sqlite3.Connection(*words, **named))
+        return opened[-1]
+
+    monkeypatch.setattr(sqlite3, "connect", connect)
     with pytest.raises(ConfigError, match="has no message of sensor_msgs/msg/JointState or"):
         column_names(path)
+    for one in opened:
+        with pytest.raises(sqlite3.ProgrammingError, match="closed"):
+            one.execute("SELECT 1")
+    assert opened

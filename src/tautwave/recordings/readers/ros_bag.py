@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -132,7 +133,7 @@ def _messages(file: Path) -> Iterator[Message]:
 
     try:
         open_file(file).close()  # no pipe, which would be waited for
-        with sqlite3.connect(f"file:{file.resolve()}?mode=ro", uri=True) as bag:
+        with closing(sqlite3.connect(f"file:{file.resolve()}?mode=ro", uri=True)) as bag:
             yield from map(
                 Message._make,
                 bag.execute(
