@@ -28,7 +28,7 @@ def _bind(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
         from tautwave.config.keys.sites import without_port
 
         try:
-            without_port(value, "--port")
+            without_port(value, where="--port")
         except ValueError as err:
             raise click.BadParameter(f"{err}.") from None
     return value

@@ -15,7 +15,7 @@ PORT = 7447
 Port = Annotated[int, Field(ge=1, le=65535)]
 
 
-def without_port(bind: str, where: str = "sites.port") -> str:
+def without_port(bind: str, *, where: str = "sites.port") -> str:
     """Return an address to listen on; the port belongs to both sites, and is given at `where`.
 
     Raises
