@@ -11,10 +11,20 @@ import pytest
 from tautwave.config import Rig
 from tautwave.rig import command_delays
 from tautwave.session.facts import port_claims
-from tautwave.simulation import Simulation, simulate, simulate_pieces
-from tests.rigs.holds import FELT, LAWS, Hold, cases, efforts, lets_go_unsaid
+from tautwave.simulation import Simulation, simulate
+from tests.rigs.holds import (
+    FELT,
+    HOUR_S,
+    LAWS,
+    SIDES,
+    Hold,
+    Lasted,
+    cases,
+    efforts,
+    lasted,
+    lets_go_unsaid,
+)
 
-SIDES = ("master", "slave")
 IN_ACCOUNTS = [law for law in LAWS if law.endswith("account") or law == "wave"]
 LONG = [
     pytest.mark.slow,
@@ -24,8 +34,6 @@ LONG = [
 ]
 EXACT = ("wave", "position account")
 """What holds a minute to a few per cent in every case of `python -m tests.rigs.holds`."""
-
-HOUR_S, PIECE_ROWS = 3600.0, 200_000
 
 
 def given(runs: Sequence[Simulation]) -> dict[str, float]:
@@ -69,24 +77,38 @@ def test_nothing_lets_go_unsaid(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", [pytest.param(law, marks=LONG) for law in IN_ACCOUNTS])
-def test_what_is_held_for_a_minute_is_held_for_an_hour(law: str) -> None:
-    """Or it says that it is not: at the noise that is declared, with a delay and a stiff wall."""
-    case = Hold(law, "stiff", 0.02, "9e-5")
-    rig = case.rig.model_copy(update={"duration_s": HOUR_S})
-    most, pressed = dict.fromkeys(SIDES, 0.0), dict.fromkeys(SIDES, 0.0)
-    error, rows, last = None, 0, dict.fromkeys(SIDES, 0.0)
-    for piece in simulate_pieces(rig, PIECE_ROWS):
-        rows, error = rows + len(piece), piece.error
-        for side, joules in given([piece]).items():
-            most[side] = max(most[side], joules)
-            sizes = np.abs(piece[f"{side}.lever.commanded"])
-            time = piece["time_s"]
-            if time[0] < 10.0:
-                pressed[side] = float(np.mean(sizes[(time > 5.0) & (time < 10.0)]))
-            last[side] = float(np.mean(sizes[time < HOUR_S - 2.0]))
-    assert_in_the_books(case, rig, most)
-    if error is None:
-        assert rows == HOUR_S * rig.rate_hz
-        share = 0.9 if law in EXACT else 0.25
-        for side in SIDES:
-            assert pressed[side] < 2.0 * FELT or last[side] > share * pressed[side], side
+def test_nothing_lets_go_unsaid_within_an_hour(law: str) -> None:
+    """With each wall, delay and encoder; who holds exactly holds all the time."""
+    for case in cases([law]):
+        found = lasted(case)
+        assert not found.lets_go_unsaid, case
+        assert_in_the_books(case, case.rig.model_copy(update={"duration_s": HOUR_S}), found.given)
+        if found.error is None:
+            assert found.seconds == pytest.approx(HOUR_S)
+        if law in EXACT:
+            assert found.error is None, case
+            for side in SIDES:
+                assert found.last[side] > 0.9 * found.first[side], (case, side)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="numba is not installed")
+def test_a_press_that_ends_is_said_and_its_last_seconds_are_those_before() -> None:
+    found = lasted(Hold("four_channel account", "soft", 0.02, "9e-5"), 20.0)
+    assert found.seconds < 10.0
+    assert "lost its coupling" in (found.error or "")
+    assert not found.lets_go_unsaid
+
+
+@pytest.mark.parametrize(
+    ("last", "error", "unsaid"),
+    [(0.2, None, False), (0.04, None, True), (0.04, "lost its coupling", False)],
+)
+def test_a_side_that_presses_a_quarter_and_runs_on_lets_go_unsaid(
+    last: float, error: str | None, unsaid: bool
+) -> None:
+    first = dict.fromkeys(SIDES, 0.2)
+    found = Lasted(first, {"master": 0.2, "slave": last}, first, HOUR_S, error)
+    assert found.lets_go_unsaid is unsaid
+    loose = Lasted(dict.fromkeys(SIDES, FELT), dict.fromkeys(SIDES, 0.0), first, HOUR_S, None)
+    assert not loose.lets_go_unsaid

@@ -3,11 +3,13 @@
 Settings are chosen on some recordings and judged on the others, over all ways of splitting them by
 session and controller (`SET_CONTROLLER` of their names): no number is of what it was chosen on.
 
-Imposed: the master moves as it was recorded, and only the slave can be off. Gripped: the hand is a
-compliant grip whose wish is the recording. A stiff law then looks good by stopping the hand, and
-over a delay standing still does, so the slave is compared with the master (error) and with the wish
-(task), the one-way delay taken out of both, over the rms of the wish. Motors above 20 Hz are set
-over those of the laboratory's law without a delay in the same simulation.
+Imposed: the master moves as it was recorded, and only the slave can be off. A spring without mass,
+noise or delay between the levers is set beside it at a rigid wall (`ideal`): no law that presses in
+proportion to the gap leaves less for less chatter. Gripped: the hand is a compliant grip whose wish
+is the recording. A stiff law then looks good by stopping the hand, and over a delay standing still
+does, so the slave is compared with the master (error) and with the wish (task), the one-way delay
+taken out of both, over the rms of the wish. Motors above 20 Hz are set over those of the
+laboratory's law without a delay in the same simulation.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from tests.lab.couplings.frontier import (
     Setting,
     _wave,
 )
+from tests.lab.couplings.ideal import ideal_tables
 from tests.lab.couplings.recorded import MET, controllers
 from tests.lab.port.hands import LEAD_S, PERIOD, Hand, recorded_hands, synthetic_hands
 from tests.lab.port.rigs import GRIP
@@ -47,16 +50,48 @@ PLAYED = "lever_arm: 0.075, stiffness: 1.0e5, damping: 300.0"
 """A grip that leaves the lever no choice: 560 N m/rad."""
 
 AUTO = Setting("auto", "law: auto", "{law: auto, pairs: {lever: {}}}")
-CURVE = tuple(_wave(b, corner) for b in (0.05, 0.1, 0.15) for corner in (35.0, 50.0, 100.0, 200.0))
-TUNED = tuple(_wave(b, corner) for b in (0.07, 0.1, 0.14) for corner in (35.0, 70.0))
-"""Settings to choose from."""
+CURVE = tuple(
+    _wave(b, corner) for b in (0.05, 0.1, 0.15, 0.2) for corner in (20.0, 35.0, 50.0, 100.0)
+)
+"""Waves to choose from, master imposed."""
 
-DELAYS = (0.005, 0.02, 0.1, 0.3)
+
+def _corner(corner: float) -> Setting:
+    keys = f"{{wave_filter_hz: {corner}}}"
+    return Setting("corner", f"{corner:g} Hz", f"{{law: auto, pairs: {{lever: {keys}}}}}")
+
+
+CORNERS = tuple(_corner(corner) for corner in (25.0, 35.0, 50.0, 70.0, 100.0))
+"""Auto but for the corner of its filter."""
+
+
+def _mediated(stiffness: float, more: str = "") -> Setting:
+    keys = f"stiffness: {stiffness}{more}"
+    block = f"{{law: mediated, account: {{}}, pairs: {{lever: {{{keys}}}}}}}"
+    return Setting("mediated", f"K {stiffness:g}{more}", block)
+
+
+TUNED: Mapping[str, Sequence[Setting]] = {
+    "wave": tuple(_wave(b, corner) for b in (0.07, 0.1, 0.14) for corner in (35.0, 70.0)),
+    "mediated": (
+        *(_mediated(stiffness) for stiffness in (8.0, 25.0, 40.0)),
+        _mediated(16.0, ", observer_hz: 50"),
+        _mediated(16.0, ", damping: 0.11"),
+        _mediated(16.0, ", touch: 0.03"),
+    ),
+}
+"""Settings to choose from with a grip, by law."""
+
+WAVES_S = 0.02
+"""[s] Up to which waves are run with a grip where auto takes another law."""
+
+TASKS: Mapping[float, float] = {0.005: 0.80, 0.02: 0.80, 0.1: 0.82, 0.3: 0.84}
+"""One-way delays [s], and the most that the slave may be off the wish [1]."""
 BARS: Mapping[str, float] = {"free": 0.3, "foam": 0.3, "spring": 0.5, "rigid": 0.5}
 WORST = 1.0
 """Error over the recorded, master imposed: medians, and the worst of all."""
 
-LOUDEST, LOUDEST_HELD = 2.5, 2.1
+LOUDEST, QUIET, LOUDEST_HELD = 2.5, 1.5, 1.6
 """Motors above 20 Hz over the laboratory's: master imposed, and with a grip."""
 
 NEAR = 0.03
@@ -156,10 +191,10 @@ Imposed = Mapping[Setting, Mapping[str, Sequence[Score]]]
 
 
 def imposed_runs(
-    hands: Sequence[Hand], curve: Sequence[Setting], engine: str, tell: Tell
+    hands: Sequence[Hand], others: Sequence[Setting], engine: str, tell: Tell
 ) -> Imposed:
-    """Return the scores of every setting, by contact, the master's motion imposed."""
-    settings = (*LAWS_OF_LAB.values(), AUTO, *curve)
+    """Return the scores of auto and other settings, by contact, the master's motion imposed."""
+    settings = (*LAWS_OF_LAB.values(), AUTO, *others)
     runs: dict[Setting, dict[str, tuple[float, float]]] = {}
     with TemporaryDirectory() as name:
         for setting in settings:
@@ -190,19 +225,22 @@ def of_groups(scores: Sequence[Score], groups: set[str]) -> list[Score]:
     return [it for it in scores if group(it.hand) in groups]
 
 
-def chosen_on(found: Imposed, curve: Sequence[Setting], groups: set[str]) -> Setting:
+def chosen_on(
+    found: Imposed, curve: Sequence[Setting], groups: set[str], loudest: float = LOUDEST
+) -> Setting:
     """Return the setting of least error that is not too loud at any contact, on some groups."""
 
     def judged(setting: Setting) -> tuple[bool, float]:
         known = [of_groups(each, groups) for each in found[setting].values()]
         loud = max(middle([it.over_lab for it in each]) for each in known if each)
-        return loud > LOUDEST, sum(middle([it.share for it in each]) for each in known if each)
+        return loud > loudest, sum(middle([it.share for it in each]) for each in known if each)
 
     return min(curve, key=judged)
 
 
-def imposed_tables(hands: Sequence[Hand], found: Imposed, curve: Sequence[Setting]) -> list[Table]:
+def imposed_tables(hands: Sequence[Hand], found: Imposed) -> list[Table]:
     """Return the curve of every contact with auto in it, and both by splits."""
+    curve, at_corners = ([it for it in found if it.family == name] for name in ("wave", "corner"))
     rows: list[list[Value]] = []
     for setting, contacts in found.items():
         for contact, scores in contacts.items():
@@ -217,8 +255,16 @@ def imposed_tables(hands: Sequence[Hand], found: Imposed, curve: Sequence[Settin
     )
     split: list[list[Value]] = []
     judged: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    corners: list[str] = []
     for some, others in splits(hands):
-        for name, setting in (("auto", AUTO), ("chosen", chosen_on(found, curve, some))):
+        corner = chosen_on(found, at_corners, some)
+        corners.append(corner.name)
+        for name, setting in (
+            ("auto", AUTO),
+            ("auto, corner chosen", corner),
+            (f"waves, {LOUDEST:g}", chosen_on(found, curve, some)),
+            (f"waves, {QUIET:g}", chosen_on(found, curve, some, QUIET)),
+        ):
             for contact, scores in found[setting].items():
                 known = of_groups(scores, others)
                 if known:
@@ -230,8 +276,10 @@ def imposed_tables(hands: Sequence[Hand], found: Imposed, curve: Sequence[Settin
         split.append([contact, name, middle(errors), max(errors), middle(louds), max(louds)])
     by_splits = Table(
         "Master imposed, by splits",
-        f"Waves chosen on some recordings (least error, chatter {LOUDEST:g} at most) and auto, "
-        "on the others: median and worst over all ways of splitting.",
+        "Auto, and what was chosen on some recordings (least error at a chatter of "
+        f"{LOUDEST:g} or {QUIET:g} at most), on the others: median and worst over all "
+        f"{len(corners)} ways of splitting. Corners chosen: "
+        + ", ".join(f"{it} {corners.count(it)}" for it in sorted(set(corners))),
         ("contact", "setting", "error", "worst", "chatter", "worst chatter"),
         split,
     )
@@ -251,21 +299,33 @@ def imposed_goals(found: Imposed) -> list[Goal]:
     return goals
 
 
+def law_at(delay: float) -> str:
+    """Return the law that auto takes on the bench."""
+    changes = [f"coupling={AUTO.block}", f"coupling.delay_s={delay!r}"]
+    return str(load_rig(BENCH, changes).coupling.law)
+
+
+def tuned_at(delay: float) -> tuple[Setting, ...]:
+    """Return auto and what it is set beside at a delay: its own law tuned, waves on short lines."""
+    law = law_at(delay)
+    waves = TUNED["wave"] if law == "wave" or delay <= WAVES_S else ()
+    return AUTO, *waves, *(() if law == "wave" else TUNED[law])
+
+
 def held_runs(
     hands: Sequence[Hand],
-    settings: Sequence[Setting],
-    delays: Sequence[float],
+    settings: Mapping[float, Sequence[Setting]],
     engine: str,
     tell: Tell,
 ) -> dict[float, dict[Setting, list[Held]]]:
-    """Return the scores of every setting with a grip, by delay."""
+    """Return the scores of the settings of each delay with a grip."""
     found: dict[float, dict[Setting, list[Held]]] = {}
     with TemporaryDirectory() as name:
         folder = Path(name)
         labs = {hand.name: hold(lab_of(hand).block, hand, 0.0, folder, engine)[2] for hand in hands}
-        for delay in delays:
+        for delay, each in settings.items():
             found[delay] = {}
-            for setting in settings:
+            for setting in each:
                 tell(f"with a grip, {1e3 * delay:g} ms, {setting.name}")
                 scores = []
                 for hand in hands:
@@ -287,14 +347,14 @@ def held_tables(
     ]  # fmt: skip
     split: list[list[Value]] = []
     for delay, settings in found.items():
-        beside = []
+        beside, law = [], law_at(delay)
         for some, others in splits(hands):
             on = {it: [s for s in each if group(s.hand) in some] for it, each in settings.items()}
             quiet = [
                 it
                 for it, each in on.items()
-                if it != AUTO and middle([s.over_lab for s in each]) <= LOUDEST_HELD
-            ] or [it for it in on if it != AUTO]
+                if it.family == law and middle([s.over_lab for s in each]) <= LOUDEST_HELD
+            ] or [it for it in on if it.family == law]
             best = min(quiet, key=lambda it: mean([s.task for s in on[it]]))
             mine, tuned = (
                 mean([s.task for s in settings[it] if group(s.hand) in others])
@@ -313,8 +373,8 @@ def held_tables(
         ),
         Table(
             "With a grip, by splits",
-            "Task of auto, and of the waves of least task on the other recordings (chatter of "
-            f"{LOUDEST_HELD:g} at most); auto less these: median and worst over all splits.",
+            "Task of auto, and of the setting of its law of least task on the other recordings "
+            f"(chatter {LOUDEST_HELD:g} at most); auto less this: median and worst of all splits.",
             ("delay_ms", "auto", "worst", "tuned", "auto - tuned", "worst difference"),
             split,
         ),
@@ -339,17 +399,26 @@ def chosen(*, recordings: Path | None, quick: bool = False, tell: Tell) -> Suite
         The folder has no recordings.
     """
     hands = synthetic_hands() if recordings is None else recorded_hands(recordings)
-    curve = CURVE
+    others = (*CORNERS, *CURVE)
     if quick:
-        hands, curve = list({hand.contact: hand for hand in hands}.values()), CURVE[:1]
-    imposed = imposed_runs(hands, curve, "python" if quick else "compiled", tell)
-    tables = imposed_tables(hands, imposed, curve)
+        hands, others = (
+            list({hand.contact: hand for hand in hands}.values()),
+            (CORNERS[0], CURVE[0]),
+        )
+    imposed = imposed_runs(hands, others, "python" if quick else "compiled", tell)
+    tables = imposed_tables(hands, imposed)
     goals = imposed_goals(imposed)
     if not quick:
-        held = held_runs(hands, (AUTO, *TUNED), DELAYS, "compiled", tell)
-        tables += held_tables(hands, held)
+        labs = {it.hand: it.effort / it.over_lab for each in imposed[AUTO].values() for it in each}
+        tables += ideal_tables([hand for hand in hands if hand.contact == "rigid"], labs)
+        settings = {delay: tuned_at(delay) for delay in TASKS}
+        tables += held_tables(hands, held_runs(hands, settings, "compiled", tell))
         for row in tables[-1].rows:
-            goals.append(Goal(f"task over tuned, {row[0]:g} ms", NEAR, "", float(row[4] or 0.0)))
+            delay, task, more = (float(row[at] or 0.0) for at in (0, 1, 4))
+            goals += [
+                Goal(f"task, {delay:g} ms", TASKS[1e-3 * delay], "", task),
+                Goal(f"task over tuned, {delay:g} ms", NEAR, "", more),
+            ]
         for row in tables[-2].rows:
             if row[1] == AUTO.name:
                 name = f"effort above 20 Hz over lab's, grip, {row[0]:g} ms"
