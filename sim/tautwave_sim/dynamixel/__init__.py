@@ -43,7 +43,8 @@ from __future__ import annotations
 
 from tautwave.contracts import SimulatorPlugin
 from tautwave_sim.dynamixel.options import BenchOptions, DynamixelOptions
-from tautwave_sim.dynamixel.world import bench, is_served, serve, simulate
+from tautwave_sim.dynamixel.world import bench, serve, simulate
+from tautwave_sim.wire.serial_world import is_served
 
 simulator = SimulatorPlugin(
     options=DynamixelOptions,

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock
 from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
@@ -30,15 +25,21 @@ from tautwave_sim.dynamixel.options import (
     SimulatorOptions,
 )
 from tautwave_sim.dynamixel.servo import Servo, Shadow
-from tautwave_sim.wire.pty import serve_line
 from tautwave_sim.wire.serial import MemoryPort, SerialLine
-from tautwave_sim.wire.serial_faults import FaultPlan
+from tautwave_sim.wire.serial_world import (
+    LineWorld,
+    bench_faults,
+    is_served,
+    planned,
+    serve_world,
+    slot_ns,
+)
 
 DELAY_UNIT_S = 2e-6
 BENCH_PERIOD_S = 1e-3
 
 
-class ServoWorld:
+class ServoWorld(LineWorld):
     """The simulated servos of one bus, and the host's end of their line.
 
     Parameters
@@ -76,26 +77,18 @@ class ServoWorld:
             if given.shadow is not None:
                 self.servos.append(_shadow(options, given.shadow, servo, truth))
         faults = options.simulator.faults
-        events = [one.event() for one in faults.events]
-        seed = (faults.seed, zlib.crc32(bus.name.encode()))
+        plan, events = planned(bus.name, faults)
         self.bus = ServoBus(
             self.line,
             self.servos,
-            FaultPlan(seed, faults.chances(), events),
+            plan,
             events,
-            round(truths[0].period * 1e9) if truths else 1_000_000,
+            slot_ns(truths),
             round(faults.late_s * 1e9),
             free,
         )
         self.transport = MemoryPort(self.line, clock, f"bus {bus.name}")
         self.bus.start(clock.now_ns())
-
-    def advance(self, to_ns: int) -> None:
-        """Process all events up to `to_ns` [ns]."""
-        self.line.advance(to_ns)
-
-    def close(self) -> None:
-        """Nothing to release."""
 
 
 def _servo(
@@ -196,11 +189,6 @@ def simulate(
     return ServoWorld(options, bus, physics, clock)
 
 
-def is_served(options: DynamixelOptions) -> bool:
-    """Return whether they live in a process of their own on the real clock."""
-    return options.port == "sim"
-
-
 def serve(
     options: DynamixelOptions,
     bus: BusSpec,
@@ -209,21 +197,13 @@ def serve(
     stopped: Callable[[], bool],
 ) -> None:
     """Serve the servos of a bus on a pseudo-terminal until `stopped()`."""
-    clock = MonotonicClock()
-    world = ServoWorld(options, bus, physics, clock, free=options.port != "sim")
-
-    def report(path: str) -> None:
-        announce(
-            {
-                "driver": "dynamixel",
-                "endpoint": path,
-                "models": {servo.device_id: servo.model.name for servo in world.servos},
-                "options": {"port": path},
-            }
-        )
-
-    link = options.simulator.link
-    serve_line(world.line, report, stopped, None if link is None else Path(link), clock)
+    serve_world(
+        "dynamixel",
+        lambda clock: ServoWorld(options, bus, physics, clock, free=not is_served(options)),
+        options.simulator.link,
+        announce,
+        stopped,
+    )
 
 
 def bench(options: BenchOptions) -> Bench:
@@ -242,10 +222,7 @@ def bench(options: BenchOptions) -> Bench:
     most = 252 if model.protocol >= 2.0 else 253
     if max(options.ids) > most:
         raise ConfigError(f"--ids {max(options.ids)}: a {model.name} has ids 0 to {most}")
-    try:
-        faults = FaultOptions.model_validate({"seed": options.seed, **options.faults})
-    except ValidationError as err:
-        raise ConfigError([_message(problem) for problem in err.errors()]) from err
+    faults = bench_faults("dynamixel", FaultOptions, options.seed, options.faults)
     delay = {"Return Delay Time": options.return_delay_us // 2}
     quirks = {one: ServoQuirks(registers=delay) for one in options.ids}
     bus = DynamixelOptions(
@@ -262,11 +239,6 @@ def bench(options: BenchOptions) -> Bench:
     )
     truths = [_free_axis(model, one) for one in options.ids]
     return Bench(bus, BusSpec("bench", axes, 1.0 / BENCH_PERIOD_S), truths)
-
-
-def _message(problem: Any) -> str:
-    where = ".".join(str(part) for part in problem["loc"])
-    return f"sim dynamixel: --faults: {where}: {problem['msg']} (got {problem['input']!r})"
 
 
 def _free_axis(model: Model, device_id: int) -> AxisModel:

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 from tautwave.contracts import SimulatorPlugin
 from tautwave_sim.feetech.options import FeetechBench, SimulatedFeetechOptions
-from tautwave_sim.feetech.world import bench, is_served, serve, simulate
+from tautwave_sim.feetech.world import bench, serve, simulate
+from tautwave_sim.wire.serial_world import is_served
 
 simulator = SimulatorPlugin(
     options=SimulatedFeetechOptions,

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from tautwave.clock import MonotonicClock
 from tautwave.contracts import AxisSpec, Bench, BusSpec, Clock
 from tautwave.errors import ConfigError
 from tautwave.truth import AxisModel
@@ -27,15 +22,21 @@ from tautwave_sim.feetech.options import (
 )
 from tautwave_sim.feetech.servo import DELAY_NS, Servo
 from tautwave_sim.feetech.tables import MODELS, magnitude
-from tautwave_sim.wire.pty import serve_line
 from tautwave_sim.wire.serial import MemoryPort, SerialLine
-from tautwave_sim.wire.serial_faults import FaultPlan
+from tautwave_sim.wire.serial_world import (
+    LineWorld,
+    bench_faults,
+    is_served,
+    planned,
+    serve_world,
+    slot_ns,
+)
 
 BENCH_PERIOD_S = 1e-3
 NO_SECOND_ID = 255
 
 
-class ServoWorld:
+class ServoWorld(LineWorld):
     """The simulated servos of one bus, and the host's end of their line.
 
     Parameters
@@ -73,25 +74,18 @@ class ServoWorld:
             for spec, axis, truth in zip(bus.axes, self.axes, truths, strict=True)
         ]
         faults = simulator.faults
-        events = [one.event() for one in faults.events]
+        plan, events = planned(bus.name, faults)
         self.bus = ServoBus(
             self.line,
             self.servos,
-            FaultPlan((faults.seed, zlib.crc32(bus.name.encode())), faults.chances(), events),
+            plan,
             events,
-            round(truths[0].period * 1e9) if truths else 1_000_000,
+            slot_ns(truths),
             round(faults.late_s * 1e9),
             free,
         )
         self.transport = MemoryPort(self.line, clock, f"bus {bus.name}")
         self.bus.start(clock.now_ns())
-
-    def advance(self, to_ns: int) -> None:
-        """Process all events up to `to_ns` [ns]."""
-        self.line.advance(to_ns)
-
-    def close(self) -> None:
-        """Nothing to release."""
 
 
 def _servo(
@@ -123,11 +117,6 @@ def simulate(
     return ServoWorld(options, bus, physics, clock)
 
 
-def is_served(options: SimulatedFeetechOptions) -> bool:
-    """Return whether they live in a process of their own on the real clock."""
-    return options.port == "sim"
-
-
 def serve(
     options: SimulatedFeetechOptions,
     bus: BusSpec,
@@ -136,21 +125,13 @@ def serve(
     stopped: Callable[[], bool],
 ) -> None:
     """Serve the servos of a bus on a pseudo-terminal until `stopped()`."""
-    clock = MonotonicClock()
-    world = ServoWorld(options, bus, physics, clock, free=options.port != "sim")
-
-    def report(path: str) -> None:
-        announce(
-            {
-                "driver": "feetech",
-                "endpoint": path,
-                "models": {servo.device_id: servo.model.name for servo in world.servos},
-                "options": {"port": path},
-            }
-        )
-
-    link = options.simulator.link
-    serve_line(world.line, report, stopped, None if link is None else Path(link), clock)
+    serve_world(
+        "feetech",
+        lambda clock: ServoWorld(options, bus, physics, clock, free=not is_served(options)),
+        options.simulator.link,
+        announce,
+        stopped,
+    )
 
 
 def bench(options: FeetechBench) -> Bench:
@@ -169,10 +150,7 @@ def bench(options: FeetechBench) -> Bench:
         known = ", ".join(map(str, t.BAUDS.values()))
         raise ConfigError(f"--baud {options.baud}: these servos have {known}")
     require_distinct("--ids", options.ids, "servos")
-    try:
-        faults = FaultOptions.model_validate({"seed": options.seed, **options.faults})
-    except ValidationError as err:
-        raise ConfigError([_message(problem) for problem in err.errors()]) from err
+    faults = bench_faults("feetech", FaultOptions, options.seed, options.faults)
     delay = {} if model.hls else {t.DELAY: options.return_delay_us // 2}
     bus = SimulatedFeetechOptions(
         port="bench",
@@ -203,8 +181,3 @@ def bench(options: FeetechBench) -> Bench:
         for one in options.ids
     ]
     return Bench(bus, BusSpec("bench", axes, 1.0 / BENCH_PERIOD_S), truths)
-
-
-def _message(problem: Any) -> str:
-    where = ".".join(str(part) for part in problem["loc"])
-    return f"sim feetech: --faults: {where}: {problem['msg']} (got {problem['input']!r})"
