@@ -108,8 +108,9 @@ def test_without_dampers_or_at_the_rate_of_classic_can_openarms_are_refused() ->
 
 @pytest.mark.slow
 @pytest.mark.nightly
+@pytest.mark.timeout(900)
 def test_an_openarm_follows_another_and_the_wall_is_felt_at_its_elbow() -> None:
-    run = run_rig(load_rig(OPENARM), duration_s=4.0)
+    run = run_rig(load_rig(OPENARM), duration_s=3.2)
     engaged = run["time_s"] > 1.2
     for joint in (*JOINTS, "j7"):
         found = books(run, joint)

@@ -105,7 +105,7 @@ class Axis:
         return 0.1 * self._said[3]
 
     def command(self) -> tuple[int, bytes]:
-        """Return identifier and bytes of its effort; zero for no number, or once in fault.
+        """Return identifier and bytes of its effort; zero for NaN, or once in fault.
 
         No code is zero torque, so those beside it alternate.
         """

@@ -58,7 +58,7 @@ class Axis:
         return JointState(place, speed, math.nan, True, max(now_ns - self.arrived_ns, 0))
 
     def command(self, watchdog_s: float) -> bytes:
-        """Return the subframes of its torque, within the limit; zero for what is no number."""
+        """Return the subframes of its torque, within the limit; zero for what is not a number."""
         limit = self.spec.effort_limit
         torque = self.torque if -limit <= self.torque <= limit else 0.0
         if abs(self.torque) > limit:
