@@ -204,11 +204,11 @@ KINDS = {"follower": follower, "tips": tips, "slow bus": slow_bus, "engaging": e
 
 
 def attack(
-    kind: str, seeds: Iterable[int], seconds: float, *, reserve: float = 1.0
+    kind: str, seeds: Iterable[int], seconds: float, *, reserve: float = 1.0, faults: float = 0.0
 ) -> Iterator[tuple[int, Got | None]]:
     """Yield what came of each rig that is certified among the seeds; None of one that is not.
 
-    `reserve`: see `meet`.
+    `reserve`, `faults`: see `meet`.
     """
     for seed in seeds:
         try:
@@ -219,4 +219,4 @@ def attack(
         if not certify(foe.rig, brief=True).verdicts["passive"].passed:
             yield seed, None
             continue
-        yield seed, meet(foe.rig, foe.devices, seed, foe.orders, reserve=reserve)
+        yield seed, meet(foe.rig, foe.devices, seed, foe.orders, reserve=reserve, faults=faults)

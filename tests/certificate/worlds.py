@@ -162,21 +162,25 @@ class Mover:
 
 
 class Port:
-    """Takes the place of a driver: samples at its request, and commands that act `late` later."""
+    """Takes the place of a driver: samples at its request, and commands that act `late` later.
+
+    `late` is in slots after that request; 0: at once.
+    """
 
     def __init__(self, world: World, inner: Any, movers: Sequence[Mover], late: int) -> None:
         self._world, self._movers = world, movers
-        self._waiting: deque[Sequence[AxisCommand]] = deque()
+        self._waiting: deque[tuple[int, Sequence[AxisCommand]]] = deque()
         self._late = late
+        self._asked = 0
         self._states: list[JointState] = []
         inner.request, inner.read, inner.write = self.request, self.read, self.write
 
     def request(self) -> None:
-        """Bring the devices to the present slot; what is due acts from here on."""
-        self._world.advance()
-        while len(self._waiting) > self._late - 1 and self._late > 0:
-            self._act(self._waiting.popleft())
+        """Bring the devices to the present slot."""
+        self._asked = self._world.advance()
         self._states = [mover.measured() for mover in self._movers]
+        if self._world.loses():
+            self._states = [state._replace(valid=False) for state in self._states]
 
     def read(self, deadline_ns: int) -> Sequence[JointState]:
         """Return the samples of the request."""
@@ -184,14 +188,16 @@ class Port:
 
     def write(self, commands: Sequence[AxisCommand]) -> None:
         """Take a command for each device."""
+        self._waiting.append((self._asked + self._late, commands))
         if self._late == 0:
-            self._act(commands)
-        else:
-            self._waiting.append(commands)
+            self.latch(self._asked)
 
-    def _act(self, commands: Sequence[AxisCommand]) -> None:
-        for mover, command in zip(self._movers, commands, strict=True):
-            mover.acting = command
+    def latch(self, slot: int) -> None:
+        """Let act what is due in a slot, whether the host is there or not."""
+        while self._waiting and self._waiting[0][0] <= slot:
+            _, commands = self._waiting.popleft()
+            for mover, command in zip(self._movers, commands, strict=True):
+                mover.acting = command
 
 
 class World:
@@ -204,7 +210,11 @@ class World:
         devices: dict[str, Device],
         draw: Draw,
         calm: Sequence[tuple[float, float]] = (),
+        *,
+        lost: float = 0.0,
     ) -> None:
+        self._draw, self._lost = draw, lost
+        self._ports: list[Port] = []
         self._clock, self._period = built.clock, rig.period_ns
         self._calm = [(round(a * rig.rate_hz), round(b * rig.rate_hz)) for a, b in calm]
         self._slot: int | None = None
@@ -223,25 +233,35 @@ class World:
                 if pair in rig.coupling.pairs:
                     power = pair_scale(rig.coupling.pairs[pair]).power
                 self._weights[name] = 1.0 if side == "master" else 1.0 / power
-            late = delays[bus.axes[0]].periods
+            late = delays[bus.axes[0]].periods * bus.divisor
             port = Port(self, inner, [self.movers[name] for name in names], late)
+            self._ports.append(port)
             driver = bus.driver
             while driver is not inner:  # wrappers keep what they hand on in every slot
                 driver.request, driver = port.request, driver._driver
 
-    def advance(self) -> None:
-        """Let the slots pass since the last time."""
-        slot = self._clock.now_ns() // self._period
+    def loses(self) -> bool:
+        """Return whether the samples of a bus are lost now."""
+        return self._lost > 0.0 and self._draw.between(0.0, 1.0) < self._lost
+
+    def advance(self) -> int:
+        """Let the slots pass since the last time; return the present one."""
+        slot = int(self._clock.now_ns() // self._period)
         if self._slot is None:
             self._begun = slot
         while self._slot is not None and self._slot < slot:
+            for port in self._ports:
+                port.latch(self._slot)
             calm = any(a <= self._slot - self._begun < b for a, b in self._calm)
             for mover in self.movers.values():
                 mover.pass_slot(calm=calm)
             self._slot += 1
             given = math.fsum(self._weights[n] * mover.given for n, mover in self.movers.items())
             self.most = max(self.most, given)
+        for port in self._ports:
+            port.latch(slot)
         self._slot = slot
+        return slot
 
 
 def devices_bus(rig: Rig, name: str) -> str:
@@ -255,7 +275,8 @@ def devices_bus(rig: Rig, name: str) -> str:
 class Got(NamedTuple):
     """What came of a motion: the most that was given, and what is stated for it [J].
 
-    `claimed` is for a prompt host, of every engagement; `ended` why the run ended early.
+    `claimed` is of every engagement, for a prompt host or, if it was none, for any; `ended` says
+    why the run ended early.
     """
 
     given: float
@@ -275,10 +296,13 @@ def meet(
     orders: Sequence[tuple[float, str]] = (),
     *,
     reserve: float = 1.0,
+    faults: float = 0.0,
 ) -> Got:
     """Run a rig whose devices are moved for gain; `orders` by their times [s], if it is operated.
 
     `reserve`: times what its ports' tanks hold that the certificate believes; 1 but to be caught.
+    `faults`: share of the samples that are lost, and a tenth of that of the slots at which the host
+    begins to stall, for up to as many as it may.
     """
     built = build_rig(rig, clock="fake")
     for which, p in enumerate(built.control.params):
@@ -290,7 +314,15 @@ def meet(
         built = with_operation(rig, built, [script], [])
     pauses = [at for at, word in orders if word == "clutch"]
     calm = [(0.0, 0.21), *((at, at + PAUSE_S) for at in pauses)] if orders else []
-    world = World(rig, built, devices, Draw(seed), calm)
+    world = World(rig, built, devices, Draw(seed), calm, lost=faults)
+    if faults > 0.0:
+        stalls, most = Draw(seed + 1), rig.overrun_limit
+        clock: Any = built.clock
+        clock._oversleep = lambda at: (
+            rig.period_ns * int(stalls.between(1.0, most + 1.0))
+            if stalls.between(0.0, 1.0) < 0.1 * faults
+            else 0
+        )
     result, data = run_in_memory(built)
     rows = dict(zip(built.columns, data.T, strict=True))
     engaged = int(rows["operation.engagement"].max()) if rig.operate is not None else 1
@@ -298,6 +330,6 @@ def meet(
     for name, keys in rig.coupling.pairs.items():
         for axis_name, (stated, _) in stated_claims(rig, name, delays, {}).items():
             weight = 1.0 if axis_name.startswith("master") else 1.0 / pair_scale(keys).power
-            claimed += weight * stated.prompt_j
+            claimed += weight * (stated.claim_j if faults > 0.0 else stated.prompt_j)
     ended = "" if result.error is None else str(result.error)
     return Got(world.most, max(1, engaged) * claimed, engaged, ended)
