@@ -22,6 +22,9 @@ from tautwave.types import Damper
 MAX_SHARE = 0.8
 """Of an axis' effort limit that its load may take."""
 
+WRONG_UNIT = 30.0
+"""Load per effort limit beyond which masses or lengths are taken to be in another unit."""
+
 MARGIN = 1.1
 """What is kept for a load, per greatest one of the sampled postures: it is clipped there."""
 
@@ -277,11 +280,20 @@ def load_reserves(rig: Rig) -> dict[str, float]:
                 place = name.replace(".", ".axes.")
                 raise ConfigError(
                     f"{place}.effort_limit: its load takes up to {most[name]:.3g} of {limit:g}, "
-                    f"which leaves too little for the coupling; narrow its position_range, or use "
-                    f"a stronger motor ({most[name] / MAX_SHARE:.3g} or more)"
+                    f"which leaves too little for the coupling; {_lighter(most[name], limit)}"
                 )
             reserves[name] = min(MARGIN * most[name], limit)
     return reserves
+
+
+def _lighter(load: float, limit: float) -> str:
+    """Say what helps against a load that is too great; one far beyond is in another unit."""
+    if load > WRONG_UNIT * limit:
+        return "are the masses of its arm in kg, its lengths and origins in m?"
+    return (
+        f"narrow its position_range, or use a stronger motor ({load / MAX_SHARE:.3g} or more), or "
+        "state the base of the arm, where what it stands on is not to move"
+    )
 
 
 @once_per_rig

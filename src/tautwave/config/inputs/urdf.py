@@ -59,12 +59,17 @@ class UrdfChain(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+MOST_TURNED = 50.0
+"""[rad] Beyond, limits are taken for degrees: arms with several turns have at most five."""
+
+
 class _Joint(NamedTuple):
     name: str
     kind: str
     parent: str
     child: str
     node: Node
+    locked: float | None = None
 
 
 def read_urdf(
@@ -147,7 +152,12 @@ def read_urdf(
     notes: list[str] = []
     for joint in route:
         _check_in_chain(reader, joint)
-        place, turn = reader.origin(joint.node)
+        place, turn = _origin(reader, joint)
+        if joint.locked is not None:
+            notes.append(
+                f"joint {joint.name!r} is locked at {joint.locked:g} (its lower limit is its "
+                "upper), and counts as fixed; if it moves, the file needs its range"
+            )
         body = _body(reader, links, below, joint.child, taken, places, notes)
         axis = (0.0, 0.0, 1.0) if joint.kind == "fixed" else _axis(reader, joint)
         made.append(Link(joint.name, joint.kind, place, turn, axis, body))
@@ -169,7 +179,36 @@ def _joint(reader: UrdfReader, node: Node, links: Mapping[str, Node]) -> _Joint:
         if link not in links:
             raise reader.wrong(end.line, f"joint {name!r}: there is no link {link!r}")
         ends.append(link)
-    return _Joint(name, KINDS.get(kind, kind), ends[0], ends[1], node)
+    kind = KINDS.get(kind, kind)
+    locked = _locked(reader, node) if kind in ("turns", "slides") else None
+    return _Joint(name, kind if locked is None else "fixed", ends[0], ends[1], node, locked)
+
+
+def _locked(reader: UrdfReader, node: Node) -> float | None:
+    """Return where a joint is that has nowhere to go [rad or m], None for one that moves.
+
+    Exporters write zeros everywhere for limits that nobody set: that is no locked joint.
+    """
+    given = reader.one(node, "limit")
+    if given is None or node.given["type"] == "continuous":
+        return None
+    if not {"lower", "upper"} <= given.given.keys():
+        return None
+    lower, upper = reader.bound(given, "lower", 0.0), reader.bound(given, "upper", 0.0)
+    unset = lower == 0.0 and not any(
+        reader.bound(given, key, 0.0) for key in ("effort", "velocity")
+    )
+    return lower if lower == upper and math.isfinite(lower) and not unset else None
+
+
+def _origin(reader: UrdfReader, joint: _Joint) -> tuple[Vector, Matrix]:
+    """Return where a joint's child is as the file has it, one that is locked where it is locked."""
+    place, turn = reader.origin(joint.node)
+    if not joint.locked:
+        return place, turn
+    moving = joint._replace(kind=KINDS[reader.word(joint.node, "type")], locked=None)
+    shift, more = _held_at(reader, moving, joint.locked)
+    return moved(turn, shift, place), times(turn, more)
 
 
 def _check_in_chain(reader: UrdfReader, joint: _Joint) -> None:
@@ -177,7 +216,11 @@ def _check_in_chain(reader: UrdfReader, joint: _Joint) -> None:
     name, line = joint.name, joint.node.line
     if joint.kind not in KINDS.values():
         known = ", ".join(KINDS)
-        raise reader.wrong(line, f"joint {name!r} is {joint.kind}; a chain has {known} joints")
+        raise reader.wrong(
+            line,
+            f"joint {name!r} is {joint.kind}; a chain has {known} joints: if the arm stands on "
+            f"link {joint.child!r}, state `base: {joint.child}`",
+        )
     if joint.node.all("mimic"):
         raise reader.wrong(
             line,
@@ -251,7 +294,7 @@ def _body(
         body = joined(body, placed(own, there, at))
         for joint in below[name]:
             if joint.name not in taken:
-                place, turn = reader.origin(joint.node)
+                place, turn = _origin(reader, joint)
                 shift, more = _held_at(reader, joint, held.get(joint.name, 0.0))
                 place = moved(turn, shift, place)
                 todo.append((joint.child, moved(there, place, at), times(there, times(turn, more))))
@@ -300,4 +343,12 @@ def _limits(reader: UrdfReader, joint: _Joint) -> JointLimits:
         )
     if lower == upper:
         lower, upper = -math.inf, math.inf
+    turns = max((abs(end) for end in (lower, upper) if math.isfinite(end)), default=0.0)
+    if joint.kind == "turns" and turns > MOST_TURNED:
+        raise reader.wrong(
+            given.line,
+            f"joint {joint.name!r}: its limits are {lower:g} to {upper:g} rad, "
+            f"{turns / (2.0 * math.pi):.0f} turns: a URDF has radians, 3.14159 for 180 degrees; "
+            "a joint that turns without an end is continuous",
+        )
     return limits._replace(lower=lower, upper=upper, effort=effort, velocity=velocity)

@@ -176,7 +176,7 @@ def read_arm(file: Path, tip: str | None, base: str | None) -> Arm:
     try:
         urdf = read_urdf(file, tip, base)
     except ConfigError as err:
-        raise ConfigError(re.sub(r"`tip:\s*([^`]*)`", r"`--tip \1`", str(err))) from err
+        raise ConfigError(re.sub(r"`(tip|base):\s*([^`]*)`", r"`--\1 \2`", str(err))) from err
     chain = build_chain(urdf.links, GRAVITY)
     moving = [link for link in urdf.links if link.kind != "fixed"]
     kinds = [KINDS[link.kind] for link in moving]
