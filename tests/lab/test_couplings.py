@@ -15,7 +15,7 @@ from tautwave.rig import command_delays
 from tautwave.types import CommandDelay
 from tests.lab.command import lab
 from tests.lab.couplings import drawn
-from tests.lab.couplings.long_delays import CASES, SURFACES, contact_left, long_rig
+from tests.lab.couplings.long_delays import CASES, SURFACES, claimed, contact_left, long_rig
 from tests.lab.couplings.measure import Outcome, run_coupling, stated_bound
 from tests.lab.couplings.recorded import likeness, median_ratio
 from tests.lab.couplings.rigs import LAWS, bench_rig, drawn_rig, without_account
@@ -113,6 +113,13 @@ def test_behind_a_long_delay_the_law_is_alone_to_blame() -> None:
             assert contact.type == ("free" if surface == "free" else "wall")
             if surface != "free":
                 assert (contact.position, contact.stiffness) == (at, stiffness)
+
+
+def test_energy_behind_a_long_delay_is_set_over_what_ends_claim_with_what_they_begin_with() -> None:
+    small, large = (claimed(long_rig(it, 0.3, "rigid")) for it in list(CASES)[-2:])
+    quarter = 0.25 * 0.2
+    assert large > small + quarter - 0.01
+    assert all(0.0 < claimed(long_rig(it, 0.3, "rigid")) < 0.4 for it in CASES)
 
 
 def test_what_is_left_of_a_contact_is_measured_once_it_has_settled() -> None:

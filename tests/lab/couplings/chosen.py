@@ -361,8 +361,9 @@ def held_tables(
                 for it in (AUTO, best)
             )
             beside.append((mine, tuned, mine - tuned))
-        mine, tuned, more = zip(*beside, strict=True)
-        split.append([1e3 * delay, middle(mine), max(mine), middle(tuned), middle(more), max(more)])
+        ours, best_ones, more = zip(*beside, strict=True)
+        row = [1e3 * delay, middle(ours), max(ours), middle(best_ones), middle(more), max(more)]
+        split.append([*row])
     return [
         Table(
             "With a grip, all recordings",
