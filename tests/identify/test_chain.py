@@ -118,6 +118,7 @@ def test_efforts_of_the_other_sign_are_turned_and_said(tmp_path: Path, sign: flo
     assert any("sign was inverted" in note for note in found["notes"]) == (sign < 0.0)
 
 
+@pytest.mark.slow
 def test_an_effort_in_another_unit_is_doubted_and_not_to_be_pasted(tmp_path: Path) -> None:
     """One joint in mN m, the other in N m: no bodies make both."""
     file, urdf = written(tmp_path)

@@ -66,6 +66,7 @@ def test_over_a_small_angle_a_weight_is_not_told_from_a_constant(tmp_path: Path)
     assert any("is not told from a constant" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_lever_without_a_weight_has_none(tmp_path: Path) -> None:
     found = identify_lever(written(tmp_path, 1.4, LoadParams(0.0, 0.0, 0.0)), gravity=True)
     assert found.fit.weight is not None

@@ -113,6 +113,7 @@ def _frames_lost(root: Path) -> None:
     (root / "meta/info.json").write_text(json.dumps(info))
 
 
+@pytest.mark.sparse(4)
 @pytest.mark.parametrize(
     ("change", "part"),
     [

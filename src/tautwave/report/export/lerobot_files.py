@@ -62,8 +62,8 @@ class Dataset:
     cameras : sequence of str
         Their names.
     before : Before, optional
-        What the directory has already, instead of being empty: numbers, tasks and statistics go
-        on from it, in new files.
+        What the directory has already, instead of being empty: numbers, tasks and statistics
+        continue, in new files.
 
     Raises
     ------
