@@ -50,6 +50,7 @@ html_theme = "furo"
 html_title = f"tautwave {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["copy.js"]
 html_copy_source = False
 html_show_sphinx = False
 highlight_language = "text"

@@ -24,11 +24,11 @@ PICTURE = Path(__file__).parents[1] / "_static" / "states.svg"
 
 PLACES = {
     IDLE: (110, 70),
-    ALIGNING: (380, 70),
-    ENGAGED: (650, 70),
-    HOLDING: (380, 270),
-    CLUTCHED: (650, 270),
-    STOPPING: (110, 270),
+    ALIGNING: (440, 70),
+    ENGAGED: (900, 70),
+    HOLDING: (440, 380),
+    CLUTCHED: (630, 152),
+    STOPPING: (110, 380),
 }
 WIDE, HIGH = 130, 44
 BESIDE = {
@@ -39,7 +39,7 @@ BESIDE = {
     (HOLDING, ALIGNING): 30.0,
     (ENGAGED, CLUTCHED): 0.0,
     (CLUTCHED, ALIGNING): 0.0,
-    (ENGAGED, HOLDING): 0.0,
+    (ENGAGED, HOLDING): -1.0,
     (CLUTCHED, HOLDING): 0.0,
     (IDLE, HOLDING): 9.0,
     (HOLDING, IDLE): 9.0,
@@ -47,11 +47,11 @@ BESIDE = {
 """How far an arrow is to the right of the line between two states, seen along it."""
 
 SHARES = {
-    (IDLE, HOLDING): 0.55,
+    (IDLE, HOLDING): 0.6,
     (HOLDING, IDLE): 0.3,
-    (ALIGNING, HOLDING): 0.2,
-    (ENGAGED, HOLDING): 0.25,
-    (CLUTCHED, ALIGNING): 0.25,
+    (ALIGNING, HOLDING): 0.25,
+    (ENGAGED, HOLDING): 0.45,
+    (HOLDING, ALIGNING): 0.62,
 }
 """Where along an arrow its label is; else in the middle."""
 
@@ -63,14 +63,17 @@ def drawing() -> str:
         if word not in (STOP, FAULT, SCALE, PARTED) and (state, after) != (CLUTCHED, IDLE):
             words[state, after].append(word)
     parts = [
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 760 360" font-family="sans-serif"'
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1000 470" font-family="sans-serif"'
         ' font-size="13" role="img" aria-label="States of an operated rig">',
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8"'
         ' markerHeight="8" orient="auto"><path d="M0 0L8 4L0 8z" fill="#555"/></marker></defs>',
-        '<rect width="760" height="360" fill="#fff"/>',
+        '<rect width="1000" height="470" fill="#fff"/>',
     ]
     for (one, two), named in words.items():
-        parts.append(_arrow(one, two, ", ".join(named)))
+        half = (len(named) + 1) // 2 if len(named) > 2 else len(named)
+        rows = [f"{', '.join(named[:half])},", ", ".join(named[half:])]
+        rows = rows if named[half:] else [rows[0].rstrip(",")]
+        parts.append(_arrow(one, two, rows))
     for state in STATES:
         x, y = PLACES[state]
         fill = "#e7f0fb" if state != ENGAGED else "#d8f0dd"
@@ -80,16 +83,16 @@ def drawing() -> str:
             f'<text x="{x}" y="{y + 5}" text-anchor="middle" fill="#111">{state}</text>'
         )
     parts.append(
-        '<text x="45" y="312" fill="#333">stop: from every state to stopping</text>'
-        '<text x="315" y="312" fill="#333">fault: from every state but stopping to holding</text>'
-        '<text x="315" y="330" fill="#333">rest: from clutched to idle, too</text>'
-        '<text x="315" y="346" fill="#333">scale: stays; parted: from engaged to aligning</text>'
+        '<text x="45" y="424" fill="#333">stop: from every state to stopping</text>'
+        '<text x="375" y="424" fill="#333">fault: from every state but stopping to holding</text>'
+        '<text x="375" y="442" fill="#333">rest: from clutched to idle, too</text>'
+        '<text x="375" y="458" fill="#333">scale: stays; parted: from engaged to aligning</text>'
         "</svg>"
     )
     return "\n".join(parts) + "\n"
 
 
-def _arrow(one: str, two: str, label: str) -> str:
+def _arrow(one: str, two: str, label: list[str]) -> str:
     (ax, ay), (bx, by) = PLACES[one], PLACES[two]
     length = ((bx - ax) ** 2 + (by - ay) ** 2) ** 0.5
     ux, uy = (bx - ax) / length, (by - ay) / length
@@ -107,10 +110,14 @@ def _arrow(one: str, two: str, label: str) -> str:
     anchor = "middle" if level else "start" if nx > 0.0 or (nx == 0.0 and ux >= 0.0) else "end"
     tx += 0.0 if level else 7.0 if anchor == "start" else -7.0
     ty += (-6.0 if ux < 0.0 or ny == 0.0 else 16.0) if level else 4.0
+    rows = "".join(
+        f'<tspan x="{tx:.1f}" dy="{"1.2em" if row else "0"}">{text}</tspan>'
+        for row, text in enumerate(label)
+    )
     return (
         f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" stroke="#555" fill="none"'
         f' marker-end="url(#tip)"/><text x="{tx:.1f}" y="{ty:.1f}" text-anchor="{anchor}"'
-        f' fill="#333" stroke="#fff" stroke-width="4" paint-order="stroke">{label}</text>'
+        f' fill="#333" stroke="#fff" stroke-width="4" paint-order="stroke">{rows}</text>'
     )
 
 

@@ -22,6 +22,7 @@ from tautwave.session.viewing.tuning import tuning_of
 from tautwave.sweep.file import MEASURES, Case, Figure, Panel, Sweep
 from tests.arms.motions import FOLLOWING
 from tests.docs.blocks import pages
+from tests.view.browser import CHROMIUM, Browser
 
 DOCS = Path(__file__).parents[2] / "docs"
 CONFIGS = DOCS.parent / "configs"
@@ -194,13 +195,14 @@ def test_every_public_name_has_an_entry() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
-def test_the_site_builds_without_a_warning_and_fetches_nothing(tmp_path: Path) -> None:
+@pytest.mark.timeout(600)
+def test_the_site_builds_fetches_nothing_and_fits_a_phone(tmp_path: Path) -> None:
     pytest.importorskip("sphinx")
     pytest.importorskip("furo")
     out = Path(os.environ.get("TAUTWAVE_SITE", tmp_path / "html"))  # `.ci/run` has built it
     if out.exists():
         assert not _foreign(out)
+        assert not _too_wide(out)
         return
     done = subprocess.run(
         [sys.executable, "-m", "sphinx", "-W", "-n", "-q", "-d", str(tmp_path / "trees"),
@@ -209,6 +211,25 @@ def test_the_site_builds_without_a_warning_and_fetches_nothing(tmp_path: Path) -
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert not _foreign(out)
+    assert not _too_wide(out)
+
+
+def _too_wide(out: Path) -> list[tuple[int, str]]:
+    """Return the pages that scroll sideways at the width of a screen or a phone [px]."""
+    if CHROMIUM is None:
+        return []
+    pages = [page for page in out.rglob("*.html") if page.parent.name != "decisions"]
+    wide = []
+    with Browser() as browser:
+        for width in (1400, 420):
+            browser.look(width, 1000, dark=False)
+            for page in pages:
+                browser.open(page.as_uri())
+                loaded = f"document.readyState == 'complete' && location.href == {page.as_uri()!r}"
+                assert browser.wait(loaded), page
+                if browser.run("document.documentElement.scrollWidth") > width:
+                    wide.append((width, page.name))
+    return wide
 
 
 def _foreign(out: Path) -> list[str]:

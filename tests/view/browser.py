@@ -64,6 +64,8 @@ class Browser:
         self._open.close()
         self._child.kill()
         self._child.wait()
+        assert self._child.stderr is not None
+        self._child.stderr.close()
         shutil.rmtree(self._home, ignore_errors=True)
 
     _session: str | None = None

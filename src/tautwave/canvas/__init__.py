@@ -31,6 +31,7 @@ from tautwave.canvas.palette import (
     dark_rules,
     element_style,
 )
+from tautwave.canvas.saved import save_figure
 from tautwave.canvas.sheet import heading, key, legend, note, panels, plain, text_panel
 from tautwave.canvas.style import PAGE, Style, find_font, styled
 
@@ -68,6 +69,7 @@ __all__ = [
     "paper",
     "plain",
     "png",
+    "save_figure",
     "styled",
     "svg",
     "text_panel",

@@ -65,7 +65,7 @@ def panels(
     ----------
     heights : row heights [inch] at the page's width, without headings, legends and numbers
     share : which panels use the first one's horizontal axis; True means all
-    columns : panels in each row
+    columns : panels in each row; on a narrow page they are below each other
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -73,6 +73,8 @@ def panels(
 
     style = current()
     count = len(heights) * columns
+    if style.narrow:
+        heights, columns = [height for height in heights for _ in range(columns)], 1
     shared = [share] * count if isinstance(share, bool) else list(share)
     with matplotlib.rc_context(settings(style)):
         figure = Figure(figsize=(style.width, 1.0), facecolor=PAPER, edgecolor=PAPER)

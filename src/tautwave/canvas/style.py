@@ -39,6 +39,11 @@ class Style(NamedTuple):
         return self.size / 9.5
 
     @property
+    def narrow(self) -> bool:
+        """Whether two panels beside each other have too little room for their words."""
+        return self.width < 0.7 * PAGE.width * self.stroke
+
+    @property
     def height(self) -> float:
         """Scale of panel heights relative to a page's."""
         return min(max(self.width / 6.8, 0.6), 1.3)

@@ -34,7 +34,7 @@ from tautwave.canvas import (
     note,
     panels,
     plain,
-    png,
+    save_figure,
     text_panel,
 )
 from tautwave.certificate.belief import Contact, declared_delays, stated_contact
@@ -45,7 +45,6 @@ from tautwave.certificate.loops import believed_end
 from tautwave.certificate.panels import decades
 from tautwave.certificate.walls import wall_name, wall_verdict
 from tautwave.config import Rig, local_wall
-from tautwave.files import write_bytes
 from tautwave.rig import at_axis_rate
 from tautwave.types import CommandDelay
 
@@ -70,8 +69,8 @@ MOST = 65
 
 
 def draw_certificate(rig: Rig, path: Path) -> None:
-    """Write the picture of a rig's certificate as a PNG."""
-    write_bytes(path, png(certificate_figure(rig)))
+    """Write the picture of a rig's certificate as a PNG, and beside it as SVG and PDF."""
+    save_figure(certificate_figure(rig), path)
 
 
 def explanation(rig: Rig) -> list[str]:

@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from tautwave.cli.options import (
+    PATH,
     at_site,
     echo_json,
     json_option,
@@ -49,11 +50,19 @@ def _print_schema(ctx: click.Context, param: click.Parameter, wanted: bool) -> N
 )
 @out_option(
     "Write check.json, all of it as text (check.txt), certificate.png, and the haptic performance "
-    "of the rig (z-width.png, transparency.png, limit-cycle.png) into DIR as well."
+    "of the rig (z-width.png, transparency.png, limit-cycle.png) into DIR as well; each figure "
+    "also as SVG and PDF."
 )
 @set_option
 @site_option
 @simulate_option
+@click.option(
+    "--against",
+    type=PATH,
+    metavar="RUN",
+    help="Print what was said of the rig in this older run, what is said now, and the keys whose "
+    "former value keeps the former behaviour.",
+)
 @click.option(
     "--verbose",
     "-v",
@@ -69,6 +78,7 @@ def check(
     overrides: tuple[str, ...],
     site: str | None,
     simulate: bool | tuple[str, ...],
+    against: Path | None,
     verbose: bool,
 ) -> None:
     """Check RIG. One screen: what its axes may supply, verdicts, what to decide, what would help.
@@ -81,6 +91,7 @@ def check(
         tautwave check configs/bench-1dof-loopback.yaml
         tautwave check rig.yaml --set coupling.delay_s=0.1 --json
         tautwave check rig.yaml --out checked
+        tautwave check rig.yaml --against runs/last-year
         tautwave check --schema > rig.schema.json
     """
     from tautwave.config import load_rig
@@ -97,14 +108,55 @@ def check(
         for side in ("master", "slave"):
             half = load_rig(rig, at_site(overrides, side))
             halves[side] = session.check(half, simulate=own_buses(half, simulate), brief=brief)
+    compared = None if against is None else _against(against, loaded, result)
     if as_json:
         sites = {side: half.as_dict() for side, half in halves.items()}
-        echo_json(result.as_dict() | ({"sites": sites} if sites else {}))
+        more: dict[str, Any] = {"sites": sites} if sites else {}
+        if compared is not None:
+            more["against"] = {**compared._asdict(), "keys": [k._asdict() for k in compared.keys]}
+        echo_json(result.as_dict() | more)
     else:
         by_site = [Table("", ("by --site", ""), list(_halves(halves)))] if halves else []
+        if compared is not None:
+            by_site += _against_sections(str(against), compared, verbose)
         typed = f"tautwave check {shlex.quote(str(rig))}"
         show(check_sections(loaded.name, result, verbose, command=typed, more=by_site))
     ctx.exit(max((result.exit_code, *(half.exit_code for half in halves.values()))))
+
+
+def _against(directory: Path, loaded: Any, result: Any) -> Any:
+    from tautwave.session.upgrading import compare_with_run
+
+    return compare_with_run(directory, loaded, result.certificate)
+
+
+MAX_KEYS = 6
+"""Keys that a screen has of those that differ from an older run."""
+
+
+def _against_sections(name: str, found: Any, verbose: bool) -> list[Table]:
+    """Return what an older run said, what is said now, and the keys that differ."""
+    verdicts: list[tuple[str | Cell, ...]] = [(*one,) for one in found.verdicts]
+    verdicts.append((f"{found.alike} others", "the same", "the same"))
+    changed = [one for one in found.keys if one.keeps]
+    shown = changed if verbose else changed[:MAX_KEYS]
+    keys: list[tuple[str | Cell, ...]] = [(one.key, one.then, one.now, one.keeps) for one in shown]
+    if len(changed) > len(shown):
+        keys.append((f"{len(changed) - len(shown)} more", "", "", "--verbose"))
+    gone = [one.key for one in found.keys if not one.now]
+    if gone:
+        keys.append(("no key any more", ", ".join(gone), "", "tautwave new NEW.yaml --from RUN"))
+    new = [one.key for one in found.keys if not one.then]
+    if new:
+        few = ", ".join(new if verbose else new[:MAX_KEYS])
+        keys.append(("new since", "", few if verbose else f"{len(new)}: {few}", ""))
+    if not keys:
+        why = "no key: what is computed from them has changed" if found.verdicts else "-"
+        keys.append(("all keys", "the same", "the same", why))
+    return [
+        Table(f"Against {name}", ("said of", f"then ({found.version})", "now"), verdicts),
+        Table("Keys that differ", ("key", "then", "now", "keeps it as it was"), keys),
+    ]
 
 
 def own_buses(half: Any, simulate: bool | tuple[str, ...]) -> bool | tuple[str, ...]:

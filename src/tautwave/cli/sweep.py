@@ -18,7 +18,7 @@ INTERRUPTED = 130
 
 @click.command(short_help="Simulate a grid of rigs; table and picture.")
 @click.argument("file", type=PATH)
-@out_option("Directory for points.csv and sweep.png; default: runs/sweep-NAME.")
+@out_option("Directory for points.csv and sweep.png, .svg and .pdf; default: runs/sweep-NAME.")
 @click.option(
     "--jobs",
     type=Whole(1),

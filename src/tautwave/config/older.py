@@ -23,6 +23,9 @@ _REPLACED: tuple[tuple[type[BaseModel], str, str], ...] = (
     ),
 )
 
+MOVED_TO_PAIRS = frozenset(key for block, key, _ in _REPLACED if block is Coupling)
+REMOVED_FROM_PAIRS = frozenset(key for block, key, _ in _REPLACED if block is Pair)
+
 
 def replaced_key(word: str, model: type[BaseModel]) -> str:
     """Return what replaces a key that blocks like `model` had; '' if it never was one."""

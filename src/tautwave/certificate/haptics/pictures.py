@@ -24,7 +24,7 @@ from tautwave.canvas import (
     legend,
     panels,
     plain,
-    png,
+    save_figure,
     text_panel,
 )
 from tautwave.certificate.haptics import Haptics
@@ -32,7 +32,6 @@ from tautwave.certificate.haptics.cycles import SAMPLES, WallCycle
 from tautwave.certificate.haptics.transparency import Felt
 from tautwave.certificate.haptics.width import AxisWidth
 from tautwave.certificate.panels import decades
-from tautwave.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,7 +58,7 @@ CYCLE_WORDS = (
 
 
 def draw_haptics(name: str, found: Haptics, directory: Path) -> list[Path]:
-    """Write a PNG of each non-empty kind; return their paths.
+    """Write a PNG of each non-empty kind, SVG and PDF beside it; return the paths of the PNGs.
 
     Raises
     ------
@@ -73,8 +72,7 @@ def draw_haptics(name: str, found: Haptics, directory: Path) -> list[Path]:
         (CYCLES, cycle_figure(name, bounding(found.cycles)) if bounding(found.cycles) else None),
     ):
         if made is not None:
-            write_bytes(directory / file, png(made))
-            drawn.append(directory / file)
+            drawn.append(save_figure(made, directory / file))
     return drawn
 
 

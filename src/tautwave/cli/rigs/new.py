@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from tautwave.types import FoundBus
 
 
+SUFFIXES = (".yaml", ".yml")
+
+
 @click.command(short_help="Write a first rig file for the connected devices.")
 @click.argument("rig", type=PATH)
 @click.option(
@@ -55,7 +58,13 @@ if TYPE_CHECKING:
     metavar="LINK",
     help="--urdf: link that the arm stands on, once or for each; default: the file's root.",
 )
-@click.option("--from", "example", metavar="EXAMPLE", help="Copy a shipped rig instead.")
+@click.option(
+    "--from",
+    "example",
+    metavar="EXAMPLE",
+    help="Copy a shipped rig instead; or a rig file (RIG.yaml) or run directory of an older "
+    "version, with keys that changed as they are now.",
+)
 @click.option(
     "--master",
     metavar="DEVICES",
@@ -96,10 +105,11 @@ def new(
         tautwave new drives.yaml --eds drive.eds --master 1 --slave 2
         tautwave new pair.yaml --urdf panda.urdf --tip panda_link8
         tautwave new bench.yaml --from bench-1dof-loopback
+        tautwave new bench-2.yaml --from bench.yaml
     """
     if sum(bool(one) for one in (buses, eds, profile, example)) > 1:
         raise click.UsageError("--bus, --eds, --profile and --from are mutually exclusive.")
-    if rig.suffix not in (".yaml", ".yml"):
+    if rig.suffix not in SUFFIXES:
         raise ConfigError(f"new: {rig}: a rig file name must end in .yaml")
     if rig.exists():
         raise ConfigError(
@@ -114,6 +124,9 @@ def new(
             raise click.UsageError(f"{option} is given once, or for leader and follower.")
     if len(urdfs) > 2:
         raise click.UsageError("--urdf is given once, or for leader and follower.")
+    if example is not None and (Path(example).is_dir() or Path(example).suffix in SUFFIXES):
+        _rewritten(rig, Path(example))
+        return
     if example is not None:
         _write(rig, _copied(example, rig.stem))
         return
@@ -289,6 +302,22 @@ def _copied(example: str, name: str) -> str:
 
     text = find_example(example).path.read_text(encoding="utf-8")
     return re.sub(r"^name: .*$", lambda _: f"name: {flow_yaml(name)}", text, count=1, flags=re.M)
+
+
+def _rewritten(rig: Path, before: Path) -> None:
+    """Write an older rig file, or that of a run, with its keys as they are now; then read it."""
+    from tautwave.config import load_rig
+    from tautwave.config.rewriting import rewrite_older
+    from tautwave.config.text.document import read_text
+
+    file = before / "rig.yaml" if before.is_dir() else before
+    found = rewrite_older(read_text(file), str(file))
+    for change in found.changes:
+        click.echo(f"{file}: {change}")
+    if not found.changes:
+        click.echo(f"{file}: no key has changed")
+    _write(rig, found.text, "check")
+    load_rig(rig, choose=False)  # what is left to do by hand is said with its line
 
 
 def _write(rig: Path, text: str, then: str = "calibrate") -> None:

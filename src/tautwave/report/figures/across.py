@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tautwave import canvas
 from tautwave.config.guard import parse_json
-from tautwave.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,13 +38,8 @@ class Look(NamedTuple):
 
 def write_across_figure(sweep: Sweep, figure: Figure, rows: Sequence[Row], out: Path) -> Path:
     """Draw `rows` into `out`/sweep.png, and sweep.svg and sweep.pdf beside it."""
-    path = out / "sweep.png"
     drawn = across_drawing(sweep, figure, rows)
-    write_bytes(path, canvas.png(drawn))
-    text = canvas.alone(canvas.svg(drawn, f"sweep-{sweep.name}", figure.title))
-    write_bytes(out / "sweep.svg", text.encode())
-    write_bytes(out / "sweep.pdf", canvas.paper(drawn, "pdf"))
-    return path
+    return canvas.save_figure(drawn, out / "sweep.png", figure.title)
 
 
 def looks_of(sweep: Sweep) -> dict[str, Look]:

@@ -21,10 +21,9 @@ from tautwave.canvas import (
     legend,
     panels,
     plain,
-    png,
+    save_figure,
     text_panel,
 )
-from tautwave.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,10 +40,8 @@ visible."""
 
 
 def write_map_figure(plan: MapPlan, result: MapResult, out: Path) -> Path:
-    """Draw all planes into `out`/map.png."""
-    path = out / FILE
-    write_bytes(path, png(map_drawing(plan, result)))
-    return path
+    """Draw all planes into `out`/map.png, .svg and .pdf."""
+    return save_figure(map_drawing(plan, result), out / FILE)
 
 
 def map_drawing(plan: MapPlan, result: MapResult) -> Drawing:

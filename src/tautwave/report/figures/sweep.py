@@ -25,10 +25,9 @@ from tautwave.canvas import (
     legend,
     panels,
     plain,
-    png,
+    save_figure,
     text_panel,
 )
-from tautwave.files import write_bytes
 from tautwave.report.figures.across import write_across_figure
 from tautwave.report.units import significant
 
@@ -65,7 +64,7 @@ class Change(NamedTuple):
 
 
 def write_sweep_figure(sweep: Sweep, rows: Sequence[Row], out: Path) -> Path | None:
-    """Draw `rows` into `out`/sweep.png; None without a figure or with too few points."""
+    """Draw `rows` into `out`/sweep.png, .svg and .pdf; None without a figure or points."""
     if sweep.figure is None:
         return None
     if sweep.figure.across is not None:
@@ -73,9 +72,7 @@ def write_sweep_figure(sweep: Sweep, rows: Sequence[Row], out: Path) -> Path | N
     curves = curves_of(sweep, sweep.figure, rows)
     if not curves:
         return None
-    path = out / FILE
-    write_bytes(path, png(sweep_drawing(sweep.figure, curves)))
-    return path
+    return save_figure(sweep_drawing(sweep.figure, curves), out / FILE)
 
 
 def curves_of(sweep: Sweep, figure: Figure, rows: Sequence[Row]) -> list[Curve]:

@@ -1,0 +1,35 @@
+// A button on each block that copies its commands, without prompts and what they print.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const block of document.querySelectorAll(".highlight")) {
+    const pre = block.querySelector("pre");
+    if (!pre) continue;
+    const lines = pre.textContent.split("\n");
+    const prompts = lines.filter((line) => line.startsWith("$ "));
+    const commands = prompts.length > 0 || /^\s*(tautwave|pip|python|\.venv|bash|sudo)\b/.test(lines[0]);
+    if (commands) pre.classList.add("wraps");
+    const button = document.createElement("button");
+    button.className = "copy";
+    button.type = "button";
+    button.textContent = "copy";
+    button.onclick = async () => {
+      await navigator.clipboard.writeText(copied(lines, prompts.length > 0));
+      button.textContent = "copied";
+      setTimeout(() => { button.textContent = "copy"; }, 1500);
+    };
+    block.append(button);
+  }
+});
+
+// Of a console block the commands, with lines that a backslash continues; else all of it.
+function copied(lines, prompted) {
+  if (!prompted) return lines.join("\n").trim();
+  const kept = [];
+  let goes = false;
+  for (const line of lines) {
+    if (line.startsWith("$ ")) kept.push(line.slice(2));
+    else if (goes) kept.push(line);
+    else continue;
+    goes = line.endsWith("\\");
+  }
+  return kept.join("\n");
+}
