@@ -89,7 +89,7 @@ class _Latest:
     def asked(self, event: Event) -> _Exchange | None:
         """Return the request that a received frame answers, None before the first.
 
-        What nobody asks for, heartbeats and EMCY, comes with the SYNC before it.
+        Unrequested frames, heartbeats and EMCY, come with the SYNC before it.
         """
         can_id, last, sync = event.can_id, self._last, self._by_id.get(SYNC)
         if sync is not None and event.at_ns - sync.at_ns > LATEST_NS:

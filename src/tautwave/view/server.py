@@ -38,10 +38,10 @@ LOOK_S = 1.0 / 30.0
 """From one look at the ring to the next; each brings all rows since the last."""
 
 LOOKS_A_NUMBER = 6
-"""From one time that pages are told what has happened to the next: 0.2 s, so it can be read."""
+"""Looks at the ring from one update of the page's numbers to the next: 0.2 s, for reading."""
 
 LOOKS_A_PICTURE = 2
-"""The same for arms that are drawn."""
+"""Looks at the ring from one picture of the arms to the next."""
 
 WAIT_S, KNOCK_S = 0.2, 5.0
 MAX_VIEWERS = 16

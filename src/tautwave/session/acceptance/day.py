@@ -241,7 +241,7 @@ def _buses(rig: Rig, ways: Ways) -> dict[str, dict[str, Any]]:
 
 
 def _plain(check: Check) -> dict[str, Any]:
-    """Return a check for JSON, which has no number that is not finite."""
+    """Return a check for JSON, which has finite numbers only."""
     measured = {
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in check.measured.items()
