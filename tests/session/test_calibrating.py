@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from tautwave.analysis.identification.regression import Estimate
@@ -18,14 +19,16 @@ from tautwave.cli import main
 from tautwave.config import load_rig, resolved_yaml
 from tautwave.config.calibrated import digest
 from tautwave.config.keys.calibration import AxisCalibration
-from tautwave.errors import ConfigError, DriverError, RecordingError
+from tautwave.errors import ConfigError, DriverError, RecordingError, SafetyStop
 from tautwave.recordings.recording import read_recording
 from tautwave.rig.calibrated import CalibratedDriver
-from tautwave.session.calibration import calibrating
+from tautwave.runtime.unwatched import MayBeEnabledError
+from tautwave.session.calibration import identify as identifying
 from tautwave.session.calibration.by_hand import measure_by_hand
 from tautwave.session.calibration.file import named_in
+from tautwave.session.calibration.identify import Shaking, identify_axes
 from tautwave.session.guided.answers import Scripted, read_answers
-from tautwave.session.guided.running import Conversation
+from tautwave.session.guided.running import Conversation, Ways
 from tautwave.types import AxisCommand, CommandDelay, JointState
 
 pytestmark = pytest.mark.realtime
@@ -174,35 +177,184 @@ def test_a_stop_is_found_gently_and_friction_is_identified(tmp_path: Path) -> No
     assert np.abs(np.diff(rows["true.slave.lever.position"])).max() <= 0.2e-3
 
 
+Answer = Callable[[str, float, int], Any]
+
+
+class Shaken:
+    """In place of devices: what each excitation of an axis finds, by share and number."""
+
+    def __init__(self, answer: Answer) -> None:
+        self.answer = answer
+        self.tried: list[tuple[tuple[str, ...], float, float]] = []
+        self.said: list[str] = []
+        self.kept: list[str] = []
+
+    def together(self, rig: Any, names: Sequence[str], **options: Any) -> dict[str, Any]:
+        share = options["share"]
+        self.tried.append((tuple(names), share, options["duration_s"]))
+        found = {name: self.answer(name, share, len(self.tried)) for name in names}
+        for each in found.values():
+            if isinstance(each, DriverError | SafetyStop):
+                raise each
+        return found
+
+    def identify(self, names: Sequence[str], tmp_path: Path) -> dict[str, str]:
+        rig = SimpleNamespace(buses={}, axis_divisor=lambda name: 1)
+        how = Shaking(4.0, tmp_path, Ways("fake"), None)
+        talk = Conversation(Scripted([]), self.said.append, self.said.append)
+
+        def keep(name: str, believed: Any) -> None:
+            self.kept.append(name)
+
+        return identify_axes(rig, names, talk, how, keep)  # type: ignore[arg-type]
+
+
+def fitted(damping: float = 1e-4) -> Any:
+    one = Estimate(1e-3, damping, 2e-3)
+    return SimpleNamespace(
+        fit=SimpleNamespace(inertia=one, damping=one, coulomb=one, explained=0.99)
+    )
+
+
+@pytest.fixture
+def shaken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Answer], Shaken]:
+    def make(answer: Answer) -> Shaken:
+        found = Shaken(answer)
+        monkeypatch.setattr(identifying, "identify_together", found.together)
+        return found
+
+    return make
+
+
 @pytest.mark.parametrize(
     ("moves_at", "damped_at", "shares"),
     [(0.3, 0.3, 1), (0.3, 0.6, 2), (1.0, 0.3, 3), (2.0, 0.3, 3)],
 )
 def test_an_axis_is_shaken_harder_and_longer_where_friction_holds_or_hides_it(
-    moves_at: float, damped_at: float, shares: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried, said = [], []
-
-    def identify(rig: Any, *, share: float, duration_s: float, **rest: Any) -> Any:
-        tried.append((share, duration_s))
+    moves_at: float, damped_at: float, shares: int, tmp_path: Path,
+    shaken: Callable[[Answer], Shaken],
+) -> None:  # fmt: skip
+    def answer(name: str, share: float, number: int) -> Any:
         if share < moves_at:
-            raise RecordingError("free it") from ValueError("it hardly moved")
-        damping = Estimate(1e-3, 1e-4 if share >= damped_at else -1e-4, 2e-3)
-        return SimpleNamespace(share=share, fit=SimpleNamespace(damping=damping))
+            error = RecordingError("free it")
+            error.__cause__ = ValueError("it hardly moved")
+            return error
+        return fitted(1e-4 if share >= damped_at else -1e-4)
 
-    monkeypatch.setattr(calibrating, "identify_device", identify)
-    rig, asked, ways = (SimpleNamespace() for _ in range(3))
-    asked.identify_s = 4.0
-    ways.clock, ways.simulate, ways.attach = "fake", (), False
-    talk = Conversation(Scripted([]), said.append, said.append)
-    everything: tuple[Any, ...] = (rig, "slave.a", asked, talk, tmp_path, ways, None)
+    found = shaken(answer)
+    failed = found.identify(["slave.a"], tmp_path)
     if moves_at <= 1.0:
-        assert calibrating._identified(*everything).share == max(moves_at, damped_at)
+        assert (found.kept, failed) == (["slave.a"], {})
     else:
-        with pytest.raises(RecordingError, match=r"its full effort limit.*: it hardly moved"):
-            calibrating._identified(*everything)
-    assert tried == [(0.3, 4.0), (0.6, 8.0), (1.0, 16.0)][:shares]
-    assert len(said) == shares - 1
+        assert found.kept == []
+        assert failed["slave.a"].endswith("or raise effort_limit: it hardly moved")
+    assert found.tried == [
+        (("slave.a",), share, seconds)
+        for share, seconds in [(0.3, 4.0), (0.6, 8.0), (1.0, 16.0)][:shares]
+    ]
+
+
+NAMES = ["master.a", "master.b", "slave.a", "slave.b"]
+
+
+def test_a_master_is_shaken_together_with_its_slave(
+    tmp_path: Path, shaken: Callable[[Answer], Shaken]
+) -> None:
+    found = shaken(lambda name, share, number: fitted())
+    assert found.identify(NAMES, tmp_path) == {}
+    assert [names for names, _, _ in found.tried] == [
+        ("master.a", "slave.a"), ("master.b", "slave.b"),
+    ]  # fmt: skip
+    assert sorted(found.kept) == NAMES
+
+
+@pytest.mark.parametrize("gaps", [1, 2, 3, 99])
+@pytest.mark.parametrize("kind", [DriverError, SafetyStop])
+def test_a_gap_is_tried_again_then_alone_and_the_others_go_on(
+    tmp_path: Path, gaps: int, kind: type[Exception], shaken: Callable[[Answer], Shaken]
+) -> None:
+    """`gaps` of 20 ms in the samples of one joint of four, in as many excitations of it."""
+    left = [gaps]
+
+    def answer(name: str, share: float, number: int) -> Any:
+        if name == "slave.a" and left[0] > 0:
+            left[0] -= 1
+            return kind("slave.a: no sample for 20 ms")
+        return fitted()
+
+    found = shaken(answer)
+    failed = found.identify(NAMES, tmp_path)
+    assert list(failed) == (["slave.a"] if gaps == 99 else [])
+    assert sorted(found.kept) == [name for name in NAMES if name not in failed]
+    assert len(found.tried) < 10
+    assert any("no sample for 20 ms; trying again" in line for line in found.said)
+
+
+def test_a_device_that_may_be_on_ends_it_at_once(
+    tmp_path: Path, shaken: Callable[[Answer], Shaken]
+) -> None:
+    error = MayBeEnabledError("slave.a may still be enabled (it is silent)")
+    found = shaken(lambda name, share, number: error if name == "slave.a" else fitted())
+    with pytest.raises(MayBeEnabledError, match="may still be enabled"):
+        found.identify(NAMES, tmp_path)
+    assert len(found.tried) == 1
+    assert found.kept == []
+
+
+def test_one_bus_served_every_nth_cycle_is_shaken_alone() -> None:
+    slow = SimpleNamespace(buses={"b": SimpleNamespace(divisor=5)}, axis_divisor=lambda name: 5)
+    assert identifying.rounds(slow, NAMES) == [[name] for name in NAMES]  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", ["gap", "ctrl-c"])
+def test_what_is_kept_and_how_to_go_on_is_said(
+    tmp_path: Path, end: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The slave's samples stop for good; or a person stops it. The master is identified."""
+    whole = identifying.identify_together
+
+    def broken(rig: Any, names: Sequence[str], **options: Any) -> Any:
+        if "slave.lever" in names:
+            if end == "ctrl-c":
+                raise KeyboardInterrupt
+            raise DriverError("slave.lever: no sample for 20 ms; check its cable")
+        return whole(rig, names, **options)
+
+    monkeypatch.setattr(identifying, "identify_together", broken)
+    monkeypatch.setattr(identifying, "rounds", lambda rig, names: [[name] for name in names])
+    rig = written(tmp_path, "0.1\n")
+    words = ["calibrate", str(rig), "--clock", "fake", "--out", str(tmp_path / "runs")]
+    words += ["--script", str(tmp_path / "answers.txt"), "--steps", "identify"]
+    done = CliRunner().invoke(main, [*words, "--identify-s", "6"])
+    assert done.exit_code != 0
+    assert (
+        f"kept: master.lever; left: slave.lever; go on with: tautwave calibrate {rig} "
+        "--steps identify --axis slave.lever"
+    ) in done.output
+    found = load_rig(rig).calibration
+    assert found is not None
+    assert found.axes["master.lever"].inertia is not None
+    assert found.axes["slave.lever"].inertia is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["bench-1dof-loopback", "bench-multirate-loopback"])
+def test_both_ends_are_identified_as_each_alone(name: str, tmp_path: Path) -> None:
+    """What is found together is what the simulated devices are, within the interval's width."""
+    data = yaml.safe_load((BENCH.parent / f"{name}.yaml").read_text())
+    for side in ("wall_master", "wall_slave"):
+        data["coupling"]["pairs"]["lever"].pop(side, None)
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(yaml.safe_dump(data))
+    (tmp_path / "answers.txt").write_text("0.1\n")
+    words = ["calibrate", str(rig), "--clock", "fake", "--out", str(tmp_path / "runs")]
+    words += ["--script", str(tmp_path / "answers.txt"), "--steps", "identify"]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 0, done.output
+    found = load_rig(rig)
+    for axis, truth in data["simulation"]["axes"].items():
+        assert found.axes[axis].inertia.value == pytest.approx(truth["inertia"], rel=0.1)
 
 
 # -- devices --------------------------------------------------------------------------------------

@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from tautwave.runtime.sensing import LoopBus
 
 
+class MayBeEnabledError(DeviceFault):
+    """A device did not confirm that it is off: nothing else is to be tried."""
+
+
 class LeftDevices(Protocol):
     """The devices of a bus after they were switched off: a driver, or what a summary has of it."""
 
@@ -55,12 +59,12 @@ def refuse_enabled(buses: Sequence[LoopBus], ended: BaseException | None) -> Non
 
     Raises
     ------
-    DeviceFault
+    MayBeEnabledError
         One did not confirm that it is off.
     """
     sentence = may_be_enabled(bus.driver for bus in buses)
     if sentence:
-        raise DeviceFault(f"{ended}; {sentence}" if ended else sentence) from ended
+        raise MayBeEnabledError(f"{ended}; {sentence}" if ended else sentence) from ended
 
 
 def _own(bus: LeftDevices, name: str) -> str:

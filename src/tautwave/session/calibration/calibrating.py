@@ -18,18 +18,10 @@ from tautwave.session.calibration.by_hand import (
 )
 from tautwave.session.calibration.by_stop import find_stops
 from tautwave.session.calibration.file import read_calibration, write_calibration
+from tautwave.session.calibration.identify import Shaking, identify_axes
 from tautwave.session.guided.running import Conversation, Ways, run_guided
-from tautwave.session.identification.identifying import (
-    DeviceResult,
-    beliefs,
-    identify_device,
-)
 
 Axes = dict[str, dict[str, Any]]
-
-TRIES = ((0.3, 1.0), (0.6, 2.0), (1.0, 4.0))
-"""Share of the effort limit with which an axis is shaken, and for how many times the time that was
-asked for: more where friction holds it for most of the time."""
 
 
 class Asked(NamedTuple):
@@ -181,14 +173,20 @@ def _identify(
     ways: Ways,
     progress: Callable[[float, str], None] | None,
 ) -> None:
-    """Measure inertia and friction of each axis alone, in the middle of its range; write each."""
+    """Measure inertia and friction, beginning in the middle of each range; write each at once.
+
+    Raises
+    ------
+    RecordingError
+        Axes were left out: which, what is kept, and how to go on.
+    """
     rig = load_rig(path)
     able = [name for name in asked.axes if rig.axes[name].causality == "impedance"]
     middle = run_guided(
         rig,
         lambda control: control.ask(
             "identify: bring every axis to the middle of its range, let go of everything, keep "
-            "clear; then press Enter: each is excited in turn"
+            "clear; then press Enter: they are excited in turn, a master together with its slave"
         ),
         talk,
         out=out / "middle",
@@ -197,60 +195,31 @@ def _identify(
         ways=ways,
     )
     assert middle.result is not None
-    for name in able:
-        result = _identified(rig, name, asked, talk, out, ways, progress)
-        believed = beliefs(result.fit)
+    kept: list[str] = []
+
+    def keep(name: str, believed: Mapping[str, Any]) -> None:
         axes[name] |= believed
         write_calibration(path, rig.name, _rounded(axes))  # the next one may fail
-        numbers = ", ".join(f"{key} {belief['value']:.3g}" for key, belief in believed.items())
-        talk.say(f"  {name}: {numbers}; explains {result.fit.explained:.0%}")
+        kept.append(name)
 
-
-def _identified(
-    rig: Rig,
-    name: str,
-    asked: Asked,
-    talk: Conversation,
-    out: Path,
-    ways: Ways,
-    progress: Callable[[float, str], None] | None,
-) -> DeviceResult:
-    """Identify an axis with as little effort and time as suffices."""
-
-    def shaken(share: float, longer: float) -> DeviceResult:
-        return identify_device(
-            rig,
-            axis=name,
-            out=out / f"identify-{name}-{share:g}",
-            clock=ways.clock,
-            duration_s=longer * asked.identify_s,
-            share=share,
-            simulate=ways.simulate,
-            attach=ways.attach,
-            progress=progress,
-        )
-
-    *gentle, most = TRIES
-    for share, longer in gentle:
-        try:
-            result = shaken(share, longer)
-        except RecordingError:
-            talk.say(
-                f"  {name}: {share:.0%} of its effort limit does not move it enough; increasing"
-            )
-            continue
-        if result.fit.damping.lower > 0.0:
-            return result
-        talk.say(
-            f"  {name}: its damping cannot be distinguished from its friction yet; exciting longer"
-        )
+    how = Shaking(asked.identify_s, out, ways, progress)
     try:
-        return shaken(*most)
-    except RecordingError as error:
-        raise RecordingError(
-            f"{name} cannot be identified even at its full effort limit; free it, or raise "
-            f"effort_limit: {error.__cause__}"
-        ) from error
+        failed = identify_axes(rig, able, talk, how, keep)
+    except BaseException:
+        talk.say(_left(path, kept, [name for name in able if name not in kept]))
+        raise
+    if failed:
+        reasons = [f"{name}: {why}" for name, why in failed.items()]
+        raise RecordingError("\n".join([*reasons, _left(path, kept, list(failed))]))
+
+
+def _left(path: Path, kept: Sequence[str], left: Sequence[str]) -> str:
+    """Return what is kept of the axes, and the command for those that are left."""
+    words = "".join(f" --axis {name}" for name in left)
+    return (
+        f"kept: {', '.join(kept) or 'none'}; left: {', '.join(left)}; go on with: "
+        f"tautwave calibrate {path} --steps identify{words}"
+    )
 
 
 def _rounded(axes: Axes) -> Axes:

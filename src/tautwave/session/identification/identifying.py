@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -46,6 +46,8 @@ if TYPE_CHECKING:  # analysis is imported only when the axis is safe again
     from tautwave.analysis.identification.device_model import DeviceFit
     from tautwave.analysis.identification.regression import Estimate
 
+AND = ", "
+"""Between the names of axes that are excited together."""
 CAUTION = 0.8
 """Factor on the interval's lower end, for changes after the measurement."""
 
@@ -231,31 +233,79 @@ def identify_device(
         The rig is refused, the run ended in a fault or a stop, or the device did not move enough.
     """
     name = axis_to_identify(rig, axis)
+    found = identify_together(
+        rig, [name], out=out, clock=clock, duration_s=duration_s, share=share, reach=reach,
+        allow_uncertified=allow_uncertified, simulate=simulate, attach=attach, progress=progress,
+    )[name]  # fmt: skip
+    if isinstance(found, RecordingError):
+        raise found
+    return found
+
+
+def identify_together(
+    rig: Rig,
+    names: Sequence[str],
+    *,
+    out: Path,
+    clock: str = "real",
+    duration_s: float = 12.0,
+    share: float = 0.3,
+    reach: float | None = None,
+    allow_uncertified: bool = False,
+    allow_unwatched: bool = False,
+    simulate: Simulate = (),
+    attach: bool = False,
+    progress: Callable[[float, str], None] | None = None,
+) -> dict[str, DeviceResult | RecordingError]:
+    """Excite several axes in one run, which no mechanism connects, and fit each alone.
+
+    Parameters are those of `identify_device`; `allow_unwatched` as for a run. One that did not move
+    enough has its error in the result instead.
+
+    Raises
+    ------
+    TautwaveError
+        The rig is refused, or the run ended in a fault or a stop.
+    """
     cycles = max(round(duration_s * rig.rate_hz), 1)
-    plan = plan_excitation(rig, name, cycles, share=share, reach=reach)
+    plans = {
+        name: plan_excitation(rig, axis_to_identify(rig, name), cycles, share=share, reach=reach)
+        for name in names
+    }
     run = record_excitation(
         rig,
-        name,
-        {name: Excitation(plan)},
+        AND.join(names),
+        {name: Excitation(plan) for name, plan in plans.items()},
         out=out,
         clock=clock,
         duration_s=duration_s,
         allow_uncertified=allow_uncertified,
+        allow_unwatched=allow_unwatched,
         simulate=simulate,
         attach=attach,
         progress=progress,
     )
     if progress is not None:
         progress(1.0, "fitting")
-    with run.heard.raised():
-        fit = fit_recorded(out / "recording.mcap", name, run.rig, run.delay, plan.highest_hz)
-    result = DeviceResult(
-        name, rig.axes[name].kind, fit, plan, run.seconds, [], out, run.interrupted
-    )
-    result = result._replace(notes=[*run.notes, *result.implausible, *_doubts(fit, plan)])
-    text = json.dumps(result.as_dict(), indent=2, ensure_ascii=False)
-    write_text(out / "identification.json", text + "\n")
-    return result
+    found: dict[str, DeviceResult | RecordingError] = {}
+    for name, plan in plans.items():
+        try:
+            with run.heard.raised():
+                fit = fit_recorded(
+                    out / "recording.mcap", name, run.rig, run.delays[name], plan.highest_hz
+                )
+        except RecordingError as err:
+            found[name] = err
+            continue
+        result = DeviceResult(
+            name, rig.axes[name].kind, fit, plan, run.seconds, [], out, run.interrupted
+        )
+        result = result._replace(notes=[*run.notes, *result.implausible, *_doubts(fit, plan)])
+        text = json.dumps(result.as_dict(), indent=2, ensure_ascii=False)
+        file = "identification.json" if len(plans) == 1 else f"identification-{name}.json"
+        write_text(out / file, text + "\n")
+        found[name] = result
+    return found
 
 
 class ExcitedRun(NamedTuple):
@@ -267,6 +317,7 @@ class ExcitedRun(NamedTuple):
     notes: list[str]
     interrupted: bool
     heard: Any
+    delays: Mapping[str, CommandDelay] = {}
 
 
 def record_excitation(
@@ -281,6 +332,7 @@ def record_excitation(
     simulate: Simulate,
     attach: bool,
     progress: Callable[[float, str], None] | None,
+    allow_unwatched: bool = False,
 ) -> ExcitedRun:
     """Run a rig without its coupling, moved as given, and record it; see `identify_device`.
 
@@ -319,7 +371,11 @@ def record_excitation(
         notes.append("Doubtful: devices served by another process keep their hand and environment.")
     with devices(rig, ways) as ways:
         assembly = excite(
-            rig, build_rig(rig, clock=clock, duration_s=duration_s, ways=ways), movers
+            rig,
+            build_rig(
+                rig, clock=clock, duration_s=duration_s, ways=ways, allow_unwatched=allow_unwatched
+            ),
+            movers,
         )
         delays = {key: bus.driver.command_delay for bus in assembly.buses for key in bus.axes}
         text = resolved_yaml(rig)
@@ -352,7 +408,8 @@ def record_excitation(
     if stats.error:
         raise WritingError(stats.error)
     seconds = (result.cycles + result.missed_cycles) * rig.period_s
-    return ExcitedRun(rig, delays[name], seconds, notes, result.interrupted, heard)
+    delay = delays[name.partition(AND)[0]]
+    return ExcitedRun(rig, delay, seconds, notes, result.interrupted, heard, delays)
 
 
 def _tell(name: str, error: BaseException, lost: str | None) -> None:
