@@ -20,6 +20,7 @@ LEAVING = "*"
 """In place of a bus: from here on this host switches all devices off."""
 RUNNING = "#"
 """In place of a bus: from here on cycles run. For readers such a line is a comment."""
+DIRECTIONS = ("R", "T")
 BYTES = -1
 """In place of an id: not a CAN frame."""
 EXTENDED = 0x80000000
@@ -219,17 +220,20 @@ def parse_lines(lines: Iterable[str], where: str, hosts: Callable[[int], bool]) 
 
 def _event(words: list[str], hosts: Callable[[int], bool]) -> Event | None:
     """Return the event of a line, None where it is none."""
+    if len(words) == 4 and words[3] in DIRECTIONS:  # of the logger, which may be anybody
+        words = words[:3]
     head, mark, body = words[-1].partition("#")
     try:
         at_ns = round(float(words[0].strip("()")) * 1e9)
         if words[1:] == [LEAVING, "leaving"]:
             return Event(at_ns, LEAVING, True, BYTES, b"")
         can_id = (int(head, 16) | (EXTENDED if len(head) > 3 else 0)) if mark else BYTES
-        data = bytes.fromhex(body if mark else head)
+        remote = mark and body.startswith("R")
+        data = b"" if remote else bytes.fromhex(body if mark else head)
     except (ValueError, OverflowError):
         return None
     if len(words) == 4 and words[2] in "<>":
         return Event(at_ns, words[1], words[2] == ">", can_id, data)
     if len(words) == 3 and mark:
-        return Event(at_ns, words[1], hosts(can_id), can_id, data)
+        return Event(at_ns, words[1], bool(remote) or hosts(can_id), can_id, data)
     return None

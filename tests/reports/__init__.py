@@ -1,4 +1,6 @@
-"""Files of `tautwave accept --share` that somebody handed on, played back by every test run.
+"""Files of `tautwave accept --share` that somebody handed on, and captures of other hosts (`foreign`).
+
+Every test run plays them back.
 
 Today there are three, made of our own simulators and marked so (`simulated`):
 `python -m tests.reports.make`.

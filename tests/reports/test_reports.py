@@ -26,6 +26,7 @@ from tests.reports import rates
 from tests.reports.make import WALKS, make, shipped
 from tests.reports.table import NONE, PAGE, page, reports
 
+HERE, CONFIGS = Path(__file__).parent / "foreign", Path(__file__).parents[2] / "configs"
 OUTCOMES = {
     "simulated-canopen": ("", "6076:00 rated torque"),
     "simulated-dynamixel-scale": ("", "XM430-W350, firmware 37"),
@@ -218,6 +219,64 @@ def test_devices_without_a_watchdog_are_refused_where_they_were() -> None:
     assert not found.enabled
 
 
+# -- captures of other hosts ------------------------------------------------------------------
+
+FOREIGN = {
+    "modbus-pymodbus-drives": ("bench-modbus-tcp-sim", "arm", ""),
+    "modbus-pymodbus-polls": ("bench-modbus-tcp-sim", "arm", "rated_torque cannot be read"),
+    "canopen-remote-node": ("bench-canopen-virtual", "can", "does not read 1000:00 device type"),
+}
+"""By file: rig, bus, and why the driver ends: what that host never asked for."""
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_capture_of_another_host_is_played_as_far_as_it_goes(name: str, tmp_path: Path) -> None:
+    rig, bus, said = FOREIGN[name]
+    words = [str(HERE / f"{name}.log"), "--rig", str(CONFIGS / f"{rig}.yaml"), "--bus", bus]
+    done = tautwave("replay-bus", *words, cwd=tmp_path)
+    assert said in done.output
+    assert done.exit_code == (5 if said else 0), done.output
+    if said:
+        assert "was recorded with another host, other settings or another version" in done.output
+        assert "requests are not in the recording, such as" in done.output
+    else:
+        assert "enabled, 61 cycles, 61 valid samples" in done.output
+        assert "another host" not in done.output
+
+
+def test_every_capture_of_another_host_is_played() -> None:
+    assert {path.stem for path in HERE.glob("*.log")} == set(FOREIGN)
+    for path in HERE.glob("*.log"):
+        assert path.read_text().startswith("# made by python -m tests.reports.foreign_hosts with ")
+
+
+def test_registers_are_known_from_other_blocks_and_counts_tell_requests_apart() -> None:
+    port, _ = player(
+        "1.0 line > 0001000000060103000A0003", "1.0 line < 000100000009010306000100020003"
+    )
+    port.write(bytes.fromhex("0002000000060103000B0002"))
+    assert port.read() == bytes.fromhex("00020000000701030400020003")
+    port.write(bytes.fromhex("0003000000060103000C0002"))  # one of them is not known
+    assert port.read() == bytes.fromhex("000300000003018302")
+    assert key_of(BYTES, b"\x01\x03\0\x0a\0\x01") != key_of(BYTES, b"\x01\x03\0\x0a\0\x02")
+
+
+@pytest.mark.parametrize(
+    ("text", "out", "data"),
+    [
+        ("(1.5) can0 601#4018100100000000 R", True, "4018100100000000"),
+        ("(1.5) can0 581#4318100100000000 T", False, "4318100100000000"),
+        ("(1.5) can0 705#R", True, ""),
+        ("(1.5) can0 705#05 R", False, "05"),
+    ],
+)
+def test_lines_of_python_can_are_read_and_remote_frames_too(
+    text: str, out: bool, data: str
+) -> None:
+    found = line(text)
+    assert (found.out, found.data.hex().upper()) == (out, data)
+
+
 # -- lines of traffic ------------------------------------------------------------------------
 
 
@@ -341,6 +400,17 @@ def test_a_healthy_day_is_played_without_a_sample_missing(name: str, tmp_path: P
             assert found.cycles > 10
             assert not found.unknown
             assert not [note for note in found.notes if "missing" in note]
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_other_hosts_still_make_such_captures(tmp_path: Path) -> None:
+    foreign_hosts = pytest.importorskip("tests.reports.foreign_hosts")
+    for name, maker in foreign_hosts.MAKERS.items():
+        maker(tmp_path / name, tmp_path)
+        events, rig = read_traffic(tmp_path / name)
+        assert rig == {}
+        assert {one.out for one in events} == {True, False}
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -23,6 +23,8 @@ UPLOAD, DOWNLOADS = 0x40, range(0x20, 0x40)
 WRITTEN, ABORTED, NO_OBJECT = 0x60, 0x80, 0x06020000
 REGISTERS_ASKED, NO_ADDRESS = (3, 4, 6, 16, 23), 2
 """Modbus: functions of which one that was not recorded is refused, as an illegal data address."""
+READS, ASKED_BYTES = (3, 4), {1: 6, 2: 6, 3: 6, 4: 6, 15: 6, 16: 6, 23: 10}
+"""Modbus: what asks for registers, and the bytes of unit, function, addresses and counts."""
 AHEAD = 16
 """Of requests that ask for the same, how many are looked at for one with the same values."""
 LATEST_NS = 50_000_000
@@ -49,9 +51,8 @@ def key_of(can_id: int, data: bytes) -> tuple[Any, ...]:
         data = data[4 + data[3] :]
     if packets:
         return tuple(packets)
-    if is_tcp(data):
-        return "tcp", data[6:10]
-    return "rtu", data[:4]
+    line, pdu = ("tcp", data[6:]) if is_tcp(data) else ("rtu", data)
+    return line, pdu[: ASKED_BYTES.get(pdu[1], 4) if len(pdu) > 1 else 4]
 
 
 def is_tcp(data: bytes) -> bool:
@@ -102,13 +103,31 @@ class _Latest:
         return last
 
 
+def _registers(
+    recorded: Mapping[tuple[Any, ...], Sequence[_Exchange]],
+) -> dict[tuple[int, int, int], bytes]:
+    """Return what the registers of Modbus TCP had last, by unit, function and address."""
+    registers = {}
+    for key, exchanges in recorded.items():
+        if key[0] != "tcp" or len(key[1]) < 6 or key[1][1] not in READS:
+            continue
+        unit, function, first, count = struct.unpack(">BBHH", key[1][:6])
+        for one in exchanges:
+            answer = b"".join(data for _, _, data in one.answers)
+            if len(answer) == 9 + 2 * count and answer[7] == function:
+                for at in range(count):
+                    registers[unit, function, first + at] = answer[9 + 2 * at : 11 + 2 * at]
+    return registers
+
+
 class Player:
     """A port behind which recorded traffic answers, in the order in which it was recorded.
 
     A request is answered as the next one like it was: one with the same bytes soon, else one that
     asks for the same; where none is left, as the last one. One that the recording has none of is
     counted by `unknown`. What then says so without silence is answered: an SDO with its object's
-    value, if any was written, or that there is no such object; Modbus with an illegal address.
+    value, if any was written, or that there is no such object; Modbus TCP with registers that were
+    read in other blocks, or an illegal address.
     """
 
     def __init__(self, events: Sequence[Event], clock: FakeClock) -> None:
@@ -118,6 +137,7 @@ class Player:
         self._last: dict[tuple[Any, ...], _Exchange] = {}
         self._written: dict[tuple[int, bytes], bytes] = {}
         self.unknown: Counter[str] = Counter()
+        self.asked = 0
         self.strayed = False
         """Whether a request got the answer to one with other values."""
         self.left = 0
@@ -138,12 +158,14 @@ class Player:
             elif event.at_ns - asked.at_ns <= LATEST_NS:
                 delay_ns = max(0, event.at_ns - asked.at_ns)
                 asked.answers.append((delay_ns, event.can_id, event.data))
+        self._registers = _registers(self._waiting)
         for each in self._waiting.values():
             if len(each) > 1 and each[-2].answers and not each[-1].answers:
                 each.pop()  # its answer is not in the recording any more
                 self.left -= 1
 
     def _ask(self, can_id: int, data: bytes) -> None:
+        self.asked += 1
         key = key_of(can_id, data)
         waiting = self._waiting.get(key, deque())
         one = next((each for each in islice(waiting, AHEAD) if each.sent == data), None)
@@ -175,13 +197,19 @@ class Player:
     def _unrecorded(self, can_id: int, data: bytes) -> list[tuple[int, bytes]]:
         """Return what a device says to a request that the recording does not have, if anything."""
         if can_id in SDO_REQUESTS and len(data) == 8:
-            known = self._written.get((can_id, data[1:4]))
-            if data[0] == UPLOAD and known is not None:
-                return [(can_id - SDO_ANSWERS, bytes((known[0] + 0x20,)) + known[1:])]
+            written = self._written.get((can_id, data[1:4]))
+            if data[0] == UPLOAD and written is not None:
+                return [(can_id - SDO_ANSWERS, bytes((written[0] + 0x20,)) + written[1:])]
             if data[0] == UPLOAD or data[0] in DOWNLOADS:
                 abort = bytes((ABORTED,)) + data[1:4] + struct.pack("<I", NO_OBJECT)
                 return [(can_id - SDO_ANSWERS, abort)]
         if can_id == BYTES and is_tcp(data) and data[7] in REGISTERS_ASKED:
+            unit, function, first, count = struct.unpack(">BBHH", data[6:12])
+            places = [(unit, function, at) for at in range(first, first + count)]
+            if function in READS and all(place in self._registers for place in places):
+                body = b"".join(self._registers[place] for place in places)
+                known = bytes((unit, function, len(body))) + body
+                return [(BYTES, data[:4] + struct.pack(">H", len(known)) + known)]
             refused = bytes((data[6], data[7] | 0x80, NO_ADDRESS))
             return [(BYTES, data[:4] + struct.pack(">H", len(refused)) + refused)]
         return []

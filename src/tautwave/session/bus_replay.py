@@ -33,7 +33,8 @@ class Replayed(NamedTuple):
     """What a driver made of recorded traffic.
 
     `said`: why it ended early, '' if it did not; `enabled`: whether it got so far; `cycles`, and
-    `samples` valid in them; `unknown` requests that the recording has no answer to, by their bytes.
+    `samples` valid in them; `unknown` requests that the recording has no answer to, by their bytes,
+    of all that were `asked`.
     """
 
     bus: str
@@ -44,6 +45,7 @@ class Replayed(NamedTuple):
     faults: list[str]
     notes: list[str]
     unknown: dict[str, int]
+    asked: int = 0
 
 
 def replay_bus(rig: Rig, bus: str, events: Sequence[Event]) -> Replayed:
@@ -101,10 +103,12 @@ def _played(
     except TautwaveError as err:
         reason = str(err)
     finally:
-        unknown = dict(player.unknown)
+        unknown, asked = dict(player.unknown), player.asked
         driver.close()
     notes = [str(note) for note in getattr(driver, "notes", ())]
-    return Replayed(bus, reason, enabled, cycles, samples, faults, notes, unknown), player.left
+    return Replayed(
+        bus, reason, enabled, cycles, samples, faults, notes, unknown, asked
+    ), player.left
 
 
 def read_traffic(path: Path, stage: str | None = None) -> tuple[list[Event], dict[str, Any]]:

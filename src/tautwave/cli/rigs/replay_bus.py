@@ -23,7 +23,8 @@ def replay_bus(
     FILE is one of `tautwave accept --share`, which brings its rig; a log of `candump -L`; or lines
     of TIME BUS > HEX (sent) and TIME BUS < HEX (received), of a serial line or a TCP connection.
     The driver opens, enables and runs with zero commands on a fake clock; no device is opened. Each
-    request gets the answer that the recording has. Exit code 5 where the driver ended early.
+    request gets the answer that the recording has. A recording of another host is played as far as
+    its answers suffice, and it is said where they do not. Exit code 5 where the driver ended early.
 
     \b
     Examples:
@@ -57,7 +58,7 @@ def replay_bus(
         click.echo(f"fault: {fault}")
     if outcome.unknown:
         many = sum(outcome.unknown.values())
-        click.echo(f"{many} requests without an answer in the recording, such as "
+        click.echo(f"{many} of {outcome.asked} requests are not in the recording, such as "
                    f"{', '.join(list(outcome.unknown)[:3])}")  # fmt: skip
     state = (
         f"enabled, {outcome.cycles} cycles, {outcome.samples} valid samples"
@@ -67,4 +68,11 @@ def replay_bus(
     click.echo(f"bus {chosen}: {state}")
     if outcome.said:
         click.echo(outcome.said, err=True)
+        if outcome.unknown:
+            click.echo(
+                f"{file} was recorded with another host, other settings or another version of "
+                "this driver: it has not all answers that this driver needs, and is played no "
+                "further",
+                err=True,
+            )
         ctx.exit(5)
