@@ -1,4 +1,4 @@
-"""Files of `tautwave accept --share` that somebody handed on, and captures of other hosts (`foreign`).
+"""Files of `tautwave accept --share` that somebody handed on; in `foreign`, of other hosts.
 
 Every test run plays them back.
 

@@ -28,7 +28,8 @@ MAPPED = ((0x6064, 32), (0x6041, 16))
 """The other way round than ours, and without the mode."""
 CONTROL = 0x10
 WRITTEN = (
-    (0x22, 1000), (0x20, 100), (0x20, 0), (0x11, 2), (0x12, 0), (0x21, 0), (CONTROL, 0), (0x20, 100),
+    (0x22, 1000), (0x20, 100), (0x20, 0), (0x11, 2), (0x12, 0), (0x21, 0), (CONTROL, 0),
+    (0x20, 100),
 )  # fmt: skip
 """Of the generic profile: torque limit, time-out, mode, torque, fault reset, control."""
 
