@@ -48,7 +48,7 @@ ALLOWED = {
     "src/tautwave/session/identification/exciting.py": "asks for a share; the controller limits it",
     "src/tautwave/session/identification/identifying.py": "of a fit, from which keys are made",
     "src/tautwave/session/identification/lever.py": "of a fit, from which keys are made",
-    "src/tautwave/session/calibration/calibrating.py": "of a fit, from which keys are made",
+    "src/tautwave/session/calibration/identify.py": "of a fit, from which keys are made",
 }
 
 
