@@ -309,7 +309,8 @@ def whole_day(folder: Path, drives: Drives) -> dict[str, Any]:
 def judge(folder: Path, content: dict[str, Any]) -> None:
     """Look at every stage's numbers."""
     assert content["accepted"], content["checks"]
-    assert {Path(name).parts[0] for name in content["files"]} == set(STAGES)
+    ran = {Path(name).parts[0] for name in content["files"]}
+    assert ran == set(STAGES) - {"walls"}  # a new rig has none
     found = {(one["stage"], one["what"]): one["measured"] for one in content["checks"]}
     for axis in ("master.j1", "slave.j1"):
         assert found["scale", axis]["ratio"] == pytest.approx(1.0, abs=0.03)
@@ -351,6 +352,8 @@ def no_torque(talk: Talk, hands: Talk, ids: tuple[int, int]) -> None:
     talk.types()
     talk.hears("take your hands off")
     hands.types(f"{both} free")
+    talk.types()
+    talk.hears("their watchdogs armed")
     talk.types()
 
 
