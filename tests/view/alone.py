@@ -257,7 +257,8 @@ def pointed(browser: Browser, out: Path) -> dict[str, bool]:
     place = {"x": x + 60.0 * scale, "y": y - 90.0 * scale}  # 0.46 rad on the dial
     browser.call("Input.dispatchMouseEvent", type="mousePressed", **place, **mouse)
     at = "tautwave.store.newest('true.master.lever.reference')"
-    follows = browser.wait(f"Math.abs({at} - 0.38) < 0.02")  # where the pointer's range ends
+    end = browser.run("tautwave.figures.ranges.lever[1]")
+    follows = browser.wait(f"Math.abs({at} - {end}) < 0.01")
     browser.call("Input.dispatchMouseEvent", type="mouseReleased", **place, **mouse)
     position = "tautwave.store.newest('true.master.lever.position')"
     lets_go = browser.wait(f"{at} === {position}")
