@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import socket
 from collections.abc import Collection
 from contextlib import suppress
 from typing import Any
@@ -12,6 +11,7 @@ import can
 
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
+from tautwave.multicast import only_its_group
 from tautwave_drivers.can.errors import gone
 from tautwave_drivers.can.framing import ERROR_FRAME, EXTENDED, STANDARD_MASK, Echo, Framing
 
@@ -23,10 +23,6 @@ _FULL_WORDS = ("buffer full", "no buffer space", "queue full", "overrun")
 logging.getLogger("can").addHandler(logging.NullHandler())
 
 _CLASSIC = Framing()
-_GROUPS = {
-    socket.AF_INET: (socket.IPPROTO_IP, 49),  # IP_MULTICAST_ALL, <linux/in.h>
-    socket.AF_INET6: (socket.IPPROTO_IPV6, 29),  # IPV6_MULTICAST_ALL, <linux/in6.h>
-}
 _ECHOING = ("udp_multicast",)
 """Interfaces that return a process its own frames."""
 
@@ -189,20 +185,9 @@ def open_python_can(options: Any, clock: Clock, framing: Framing = _CLASSIC) -> 
             f"cannot open {where} through python-can ({err}); check interface and channel, and "
             "that its driver or module is installed"
         ) from err
-    if options.interface == "udp_multicast":
-        _only_its_group(bus)
+    only_its_group(bus)
     echoes = options.interface in _ECHOING
     return port_kind(bus)(bus, clock, where, framing, echoes)
-
-
-def _only_its_group(bus: can.BusABC) -> None:
-    """Keep frames of other multicast groups away: Linux hands them to every socket of the port."""
-    port = getattr(getattr(bus, "_multicast", None), "_socket", None)
-    if not isinstance(port, socket.socket):
-        return
-    kind, option = _GROUPS[port.family]
-    with suppress(OSError):  # not Linux: there only the groups joined arrive
-        port.setsockopt(kind, option, 0)
 
 
 def port_kind(bus: can.BusABC) -> type[PythonCanPort]:

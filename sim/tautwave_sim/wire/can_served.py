@@ -13,6 +13,7 @@ from typing import Any
 
 from tautwave.clock import MonotonicClock
 from tautwave.errors import ConfigError, DriverError
+from tautwave.multicast import only_its_group
 from tautwave_sim.wire.can_faults import CanFaults
 from tautwave_sim.wire.can_port import frame_of, message_of
 from tautwave_sim.wire.can_world import CanOptions, CanWorld
@@ -47,13 +48,15 @@ def open_bus(options: CanOptions) -> Any:
     elif options.interface == "socketcan" and options.data_bitrate is not None:
         keys["fd"] = True
     try:
-        return can.Bus(interface=options.interface, channel=options.channel, **keys)
+        bus = can.Bus(interface=options.interface, channel=options.channel, **keys)
     except Exception as err:  # a missing vendor's library also ends in NameError, TypeError ...
         raise DriverError(
             f"cannot open {options.interface}:{options.channel}: {err}; bring the interface up, or "
             "use interface udp_multicast with channel 239.74.163.2, which needs no CAN in the "
             "kernel"
         ) from err
+    only_its_group(bus)
+    return bus
 
 
 class Gateway:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave.errors import DriverError
 from tautwave_sim.wire.can import EXTENDED, CanTiming, frame_bits, priority
 from tautwave_sim.wire.can_faults import CanFaultPlan, CanFaults
 from tautwave_sim.wire.can_medium import CanMedium
-from tautwave_sim.wire.can_served import Gateway
+from tautwave_sim.wire.can_served import Gateway, open_bus
 from tautwave_sim.wire.can_world import CanWorld
 
 can = pytest.importorskip("can")
@@ -123,3 +126,34 @@ def test_what_a_bus_does_not_have_stays_outside(fd: bool) -> None:
     gateway.run(0)
     gateway.run(10**6)
     assert heard == ([(1, True), (2, False)] if fd else [(2, False)])
+
+
+@pytest.mark.parametrize("group", ["239.74.{}.{}", "ff15:7079:7468:6f6e:6465:6d6f:{}:{}"])
+def test_devices_of_one_multicast_group_do_not_hear_another(group: str) -> None:
+    """Linux hands frames of every group to every socket of the port, and here two arms share ids.
+
+    Devices that heard both would obey two masters, and each wire would carry twice its frames.
+    """
+    channels = [group.format(1 + os.getpid() % 250, number) for number in (91, 92)]
+    opened: list[Any] = []
+    try:
+        for channel in channels:
+            place: Any = SimpleNamespace(
+                interface="udp_multicast", channel=channel, bitrate=1_000_000, data_bitrate=None
+            )
+            try:
+                opened.append(open_bus(place))
+            except DriverError as err:
+                pytest.skip(f"no multicast here: {err}")
+        mine, other = opened
+        for bus, number in ((other, 2), (mine, 1)):
+            try:
+                bus.send(message(number, b"command"))
+            except can.CanError as err:
+                pytest.skip(f"no multicast here: {err}")
+        heard = [bus.recv(5.0).arbitration_id for bus in (mine, other)]  # its own, returned
+        assert heard == [1, 2]
+        assert [bus.recv(0.0) for bus in (mine, other)] == [None, None]
+    finally:
+        for bus in opened:
+            bus.shutdown()
