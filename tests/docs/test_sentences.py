@@ -52,3 +52,13 @@ def test_a_long_sentence_is_found() -> None:
     assert not long_sentences(f"A {words[5:]}. A {words[5:]}.")
     assert long_sentences(f"Short one. A {words}.") == [f"A {words}."]
     assert not long_sentences(f"```text\nA {words}.\n```\n\n| A {words} |\n\n    A {words}\n")
+
+
+@pytest.mark.parametrize("page", ["the-port", "couplings"])
+def test_a_page_that_explains_begins_with_its_question_and_the_answer(page: str) -> None:
+    _, first, *_ = (
+        (ROOT / "docs/explanation" / f"{page}.md").read_text(encoding="utf-8").split("\n\n")
+    )
+    question, answer = re.fullmatch(r"\*\*([^*]+\?)\*\* (.+)", first, flags=re.S).groups()  # type: ignore[union-attr]
+    assert len(question.split()) <= MAX_SENTENCE
+    assert len(next(sentences(answer)).split()) <= MAX_SENTENCE
