@@ -15,6 +15,15 @@ RIG = Path(__file__).parents[2] / "configs" / "arms" / "six-mit.yaml"
 JOINTS = ("j1", "j2", "j3", "j4", "j5", "j6")
 
 
+def test_in_a_tenth_of_a_second_all_books_of_the_pair_close() -> None:
+    run = run_rig(load_rig(RIG), duration_s=0.1)
+    for joint in JOINTS:
+        found = books(run, joint)
+        assert found.residual < 1e-9 * max(found.gross_flow, 1e-3)
+        assert found.plant_residual < 1e-9 * max(found.plant_flow, 1e-3)
+    assert np.ptp(run["true.slave.j5.position"]) > 1e-5  # it moves
+
+
 @pytest.mark.slow
 def test_the_joints_of_a_side_are_one_arm() -> None:
     """Its books are an arm's: what the joints gave is in its motion and its height."""

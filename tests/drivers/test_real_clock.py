@@ -1,7 +1,8 @@
 """Foreign servos on a pseudo-terminal and a foreign drive on TCP, on the real clock.
 
 Samples may be late on a busy machine: nothing here counts them. What is asserted is what the
-devices saw, and what was said.
+devices saw, and what was said. By default on the fake clock:
+`tests/drivers/dynamixel/test_foreign.py`, `tests/drivers/modbus/test_foreign.py`.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import re
 import subprocess
@@ -31,3 +32,48 @@ def test_each_option_that_nightly_gives_is_taken() -> None:
         name, *words = line.split()
         taken = {one for each in lab.commands[name].params for one in each.opts}
         assert {word for word in words if word.startswith("--")} <= taken, line
+
+
+NOT_DEFAULT = {"slow", "nightly", "hardware", "vcan"}
+
+
+def marks_of_tests(path: Path) -> list[set[str]]:
+    """Return what each test of a file is marked with, by its decorators and `pytestmark`."""
+    tree = ast.parse(path.read_text("utf-8"))
+    named = {
+        target.id: _attributes(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    return [
+        named.get("pytestmark", set()).union(
+            *(_attributes(one) for one in node.decorator_list),
+            *(named.get(one.id, set()) for one in node.decorator_list if isinstance(one, ast.Name)),
+        )
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+    ]
+
+
+def _attributes(node: ast.expr) -> set[str]:
+    return {one.attr for one in ast.walk(node) if isinstance(one, ast.Attribute)}
+
+
+def test_beside_nightly_tests_there_is_a_default_one() -> None:
+    """In their file, or in those that its docstring names after `By default`."""
+    alone = []
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        text = path.read_text("utf-8")
+        if "mark.nightly" not in text or path == Path(__file__):
+            continue
+        marks = marks_of_tests(path)
+        text = ast.get_docstring(ast.parse(text)) or ""
+        others = re.findall(r"`(tests/[\w/]+\.py)`", text.partition("By default")[2])
+        for each in others:
+            assert (ROOT / each).is_file(), f"{path.name}: {each}"
+            marks += marks_of_tests(ROOT / each)
+        if all(each & NOT_DEFAULT for each in marks):
+            alone.append(str(path.relative_to(ROOT)))
+    assert not alone

@@ -66,6 +66,14 @@ def test_a_wall_is_the_same_compiled(shape: str) -> None:
         assert wall.allowed_share(0.1, *x[:2]) == laws["allowed_share"](0.1, *x[:2])
 
 
+def test_the_share_of_a_wall_in_a_motor_is_the_same_compiled() -> None:
+    law = compiled((wall.allowed_share,))["allowed_share"]
+    rng = random.Random(2)
+    for _ in range(300):
+        most, wanted, other = (rng.uniform(-0.2, 0.2) for _ in range(3))
+        assert wall.allowed_share(most, wanted, other) == law(most, wanted, other)
+
+
 @pytest.mark.slow
 def test_a_damped_inverse_is_the_same_compiled() -> None:
     law = compiled((damped.diagonalise, damped.damped_inverse))["damped_inverse"]

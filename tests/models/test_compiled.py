@@ -18,8 +18,7 @@ from tautwave.models.servo import ServoParams, servo_forces, servo_step, servo_s
 from tests.models.compiled import compiled
 from tests.models.plants import STEP, plant
 
-pytestmark = pytest.mark.slow
-
+SLOW = pytest.mark.slow
 PLANT = plant(0.243, 0.1, 0.3, (538.0, 5.0), (100.0, 0.0), (1e5, 50.0, 0.001, 1.0))
 
 
@@ -27,6 +26,16 @@ def draw(rng: random.Random, count: int, size: float = 1.0) -> list[float]:
     return [rng.uniform(-size, size) for _ in range(count)]
 
 
+def test_encoders() -> None:
+    rng = random.Random(6)
+    nearest, down = compiled(quantise), compiled(truncate)
+    for _ in range(500):
+        a, b = draw(rng, 2, 3.0)
+        assert nearest(a, abs(b)) == quantise(a, abs(b))
+        assert down(a, abs(b)) == truncate(a, abs(b))
+
+
+@SLOW
 @pytest.mark.nightly
 def test_flows() -> None:
     rng = random.Random(1)
@@ -48,6 +57,7 @@ def test_flows() -> None:
         assert rise(*search) == first_rise(*search)
 
 
+@SLOW
 @pytest.mark.nightly
 def test_plant() -> None:
     rng = random.Random(2)
@@ -78,6 +88,7 @@ def test_plant() -> None:
     assert len(modes) >= 5
 
 
+@SLOW
 @pytest.mark.nightly
 def test_foam() -> None:
     rng = random.Random(3)
@@ -105,6 +116,7 @@ def test_foam() -> None:
         assert forces(PLANT, foam, x, v, 0.0, 0.2) == foam_forces(PLANT, foam, x, v, 0.0, 0.2)
 
 
+@SLOW
 def test_servo() -> None:
     rng = random.Random(4)
     p = ServoParams(0.002, 0.143, 538.0, 5.0, 50.0, 0.0, 1e4, 20.0, 0.0002, -1.0)
@@ -119,15 +131,13 @@ def test_servo() -> None:
         assert forces(p, x, v, 0.1, 0.0, 0.2) == servo_forces(p, x, v, 0.1, 0.0, 0.2)
 
 
+@SLOW
 def test_small_models() -> None:
     rng = random.Random(5)
-    nearest, down = compiled(quantise), compiled(truncate)
     jerk, sine, ramp = compiled(minimum_jerk_position), compiled(sine_position), compiled(ramp_gain)
     assert compiled(rotary_hand)(0.1, 5.0, 500.0, 0.07) == rotary_hand(0.1, 5.0, 500.0, 0.07)
     for _ in range(2000):
         a, b, c, d, e = draw(rng, 5, 3.0)
-        assert nearest(a, abs(b)) == quantise(a, abs(b))
-        assert down(a, abs(b)) == truncate(a, abs(b))
         assert jerk(a, b, c, d, e) == minimum_jerk_position(a, b, c, d, e)
         assert sine(a, b, c, d) == sine_position(a, b, c, d)
         assert ramp(a, b) == ramp_gain(a, b)

@@ -7,11 +7,17 @@ import shutil
 import site
 import subprocess
 import sys
+import tomllib
 import venv
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tautwave import load_rig, registry, simulate
+
+GROUPS = (registry.COUPLINGS, registry.CONTROLS, registry.DRIVERS, registry.SIMULATORS)
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "tautwave-example-parts"
 
 SCRIPT = """
@@ -69,6 +75,22 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return python
+
+
+@pytest.mark.parametrize("name", ["fluid.yaml", "pd.yaml"])
+def test_what_it_declares_is_found_and_its_rigs_run(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its entry points as `pyproject.toml` has them, without an installation."""
+    declared = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
+    points = [EntryPoint(*one, group) for group, each in declared.items() for one in each.items()]
+    monkeypatch.syspath_prepend(str(EXAMPLE))
+    points += [one for group in GROUPS for one in entry_points().select(group=group)]
+    monkeypatch.setattr(registry, "entry_points", lambda: EntryPoints(points))
+    run = simulate(load_rig(EXAMPLE / name), duration_s=0.1, engine="python")
+    assert run.error is None
+    at = {column: run.data[:, k] for k, column in enumerate(run.columns)}
+    assert np.ptp(at["true.master.lever.position"]) > 1e-4  # the hand that trembles
 
 
 @pytest.mark.slow

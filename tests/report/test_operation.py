@@ -12,6 +12,8 @@ from click.testing import CliRunner
 
 from tautwave import read_recording
 from tautwave.cli import main
+from tautwave.summary.ending import eventful, events
+from tautwave.summary.model import Summary
 
 BENCH = Path(__file__).parents[2] / "configs" / "bench-1dof-loopback.yaml"
 DAY = """\
@@ -37,6 +39,21 @@ def run(tmp_path: Path, day: str) -> tuple[str, Path]:
 @pytest.fixture(scope="module")
 def operated(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     return run(tmp_path_factory.mktemp("day"), DAY)
+
+
+@pytest.mark.parametrize(
+    ("engaged_s", "said", "is_eventful"),
+    [(None, "never engaged", True), (0.8, "engaged 0.8 s of 1.8 s", True),
+     (1.2, "engaged 1.2 s of 1.8 s", False)],
+)  # fmt: skip
+def test_how_long_it_was_engaged_is_said(
+    engaged_s: float | None, said: str, is_eventful: bool
+) -> None:
+    """Of a run that was engaged for less than half of its time an event is made."""
+    operation = {"engaged_s": engaged_s} if engaged_s else {}
+    summary = Summary.model_validate({"duration_s": 1.8, "operation": operation})
+    assert events(summary) == [said]
+    assert eventful(summary) is is_eventful
 
 
 @pytest.mark.slow

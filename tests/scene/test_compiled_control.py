@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,12 @@ from tautwave.config import load_rig
 from tautwave.errors import TautwaveError
 from tautwave.rig import build_rig
 from tautwave.runtime.loop import Loop
+from tautwave.runtime.sensing import Sensing
 from tautwave.session.engine import scene_devices
 from tautwave_scenes.session.pace import use_engine
+from tautwave_scenes.simulation import tick, ticking
 from tests.scene.test_runs import Rows
 
-pytestmark = pytest.mark.slow  # numba compiles for ten seconds and more
 pytest.importorskip("numba")
 CONFIGS = Path(__file__).parents[2] / "configs"
 TIMES = ("lateness_us", "compute_us")
@@ -43,6 +46,35 @@ def rows_of(engine: str, name: str, changes: list[str], asked: int) -> tuple[Any
     return whole[:, kept], end, elements, type(built.control).__name__, result.error
 
 
+def test_the_state_goes_to_compiled_code_and_back_as_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Up to the first step that is compiled, which is not taken here."""
+    monkeypatch.setattr("tautwave.simulation.live.entry.entry", lambda *_: print)
+    monkeypatch.setattr(ticking, "compiled_tick", lambda: tick.tick_network)
+    found = []
+    for engine in ("python", "compiled"):
+        rig = load_rig(CONFIGS / "scene-resonator.yaml")
+        built = use_engine(build_rig(rig, clock="fake", duration_s=1.0), engine)
+        control, sensing = built.control, Sensing(built.buses, built.control)
+        for bus in built.buses:
+            bus.driver.open()
+            while not bus.driver.enable_step():
+                built.clock.sleep_until(built.clock.now_ns() + rig.period_ns)
+        for slot in count():
+            sensing.sense(slot, 0)
+            if control.step(slot, 0) and control.state.armed_at >= 0:
+                break
+        if engine == "compiled":
+            control.state.armed_at = -7  # is read from there, not kept here
+        axes = [asdict(control.axis(which)) for which in range(len(control.params))]
+        row = [0.0] * len(control.columns)
+        control.fill(row, 0)
+        found.append((slot, control.state, axes, [*map(float, row)], control.end, control.error()))
+    assert repr(found[0]) == repr(found[1])
+
+
+@pytest.mark.slow  # numba compiles for ten seconds and more
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "changes", "asked", "kind"),

@@ -1,4 +1,7 @@
-"""Two operated sites in two programs: people at both, a stop of one program, another start."""
+"""Two operated sites in two programs: people at both, a stop of one program, another start.
+
+By default both in one process: `tests/session/test_operated_sites.py`.
+"""
 
 from __future__ import annotations
 

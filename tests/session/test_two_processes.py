@@ -1,4 +1,7 @@
-"""Two runs in two programs: killed, stopped, started anew, refused, and a third one."""
+"""Two runs in two programs: killed, stopped, started anew, refused, and a third one.
+
+By default both in one process: `tests/session/test_sites.py`.
+"""
 
 from __future__ import annotations
 

@@ -104,10 +104,7 @@ class CompiledSceneControl(SceneControl):
             return
         _copy(self._outcome[0], self.state)
         for record, axis in zip(self._states, self.axes, strict=True):
-            end = axis.end
             _copy(record, axis)
-            axis.end = end
-            _copy(record["end"], end)
         self.scene.model.booked = Ledger(*self._ledger)
 
     def _push(self) -> None:
@@ -223,4 +220,7 @@ def _copy(record: Any, into: Any) -> None:
     for field in fields(into):
         if field.name in record.dtype.names:
             value = record[field.name]
-            setattr(into, field.name, value.item() if value.dtype.names is None else value)
+            if value.dtype.names is None:
+                setattr(into, field.name, value.item())
+            else:
+                _copy(value, getattr(into, field.name))

@@ -1,4 +1,7 @@
-"""Foreign drives on the real clock, each end of a run seen from their side."""
+"""Foreign drives on the real clock, each end of a run seen from their side.
+
+By default on the fake clock: `tests/drivers/canopen/test_quirks.py`.
+"""
 
 from __future__ import annotations
 
