@@ -154,6 +154,7 @@ def test_a_rig_that_is_not_operated_feels_it_to_the_bit(power: float) -> None:
         assert height == -above / power
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_hand_that_clutches_as_it_likes_gets_no_more_than_was_stated(seed: int) -> None:
     """The slave stands while the hand is clutched, and is where the master stands else.
