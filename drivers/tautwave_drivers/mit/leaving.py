@@ -9,50 +9,23 @@ from tautwave.errors import DriverError
 from tautwave_drivers.mit import damiao
 from tautwave_drivers.mit.axis import Axis
 
-AGAIN_NS, PAUSE_NS = 500_000_000, 50_000_000
-"""How long the second try may take, for all motors together, and the pause in between."""
-ROUND_NS = 10_000_000
-ROUNDS = 3
+ROUND_NS, ROUNDS = 10_000_000, 3
+"""How long a report is awaited before disable is sent again, and how often it is sent."""
+LATE_ROUND_NS, LATE_ROUNDS = 50_000_000, 10
+"""The same of the second try: a busy bus answers disable long after it was sent."""
 ERRORS = frozenset(damiao.STATES) - {damiao.DISABLED, damiao.ENABLED}
 """States in which the torque is off as well."""
 
 
 def leave(port: FramePort, clock: Clock, axes: Sequence[Axis]) -> dict[str, str]:
     """Send torque zero and disable to all; return by axis who did not confirm it, and why."""
-    unconfirmed: dict[str, str] = {axis.spec.name: "no answer to disable" for axis in axes}
-    by_id = {axis.motor.feedback_id: axis for axis in axes}
+    left = {axis.spec.name: f"{axis.label}: no answer to disable" for axis in axes}
     try:
         _drop(port, clock)
-        for axis in axes:
-            port.send(axis.motor.id, axis.command(0.0))
-        for _ in range(ROUNDS):
-            for axis in axes:
-                if axis.spec.name in unconfirmed:
-                    port.send(axis.motor.id, damiao.DISABLE)
-            until = clock.now_ns() + ROUND_NS
-            while unconfirmed and clock.now_ns() < until and clock.wait(port, until):
-                frame = port.receive()
-                axis_of = None if frame is None else by_id.get(frame[0])
-                if frame is None or axis_of is None:
-                    continue
-                feedback = damiao.feedback(frame[1], axis_of.motor.id)
-                if feedback is None:
-                    continue
-                if feedback.state == damiao.DISABLED or feedback.state in ERRORS:
-                    unconfirmed.pop(axis_of.spec.name, None)
-                elif axis_of.spec.name in unconfirmed:
-                    unconfirmed[axis_of.spec.name] = (
-                        f"it still says {damiao.state_text(feedback.state)} after disable"
-                    )
-            if not unconfirmed:
-                break
+        _until_off(port, clock, axes, left, ROUNDS, ROUND_NS)
     except DriverError as err:
-        unconfirmed = dict.fromkeys(unconfirmed, str(err))
-    return {
-        axis.spec.name: f"{axis.label}: {unconfirmed[axis.spec.name]}"
-        for axis in axes
-        if axis.spec.name in unconfirmed
-    }
+        _say(axes, left, err)
+    return left
 
 
 def leave_again(
@@ -61,19 +34,60 @@ def leave_again(
     axes: Sequence[Axis],
     doubtful: Mapping[str, str],
 ) -> dict[str, str]:
-    """Try again, on a port that `connect` opens anew where it is lost; return the rest."""
+    """Try again, on a port that `connect` opens anew where it is lost; return the rest.
+
+    What has come since `leave` counts: it answers the disable that was sent there.
+    """
     left = dict(doubtful)
-    until = clock.now_ns() + AGAIN_NS
-    while True:
-        asked = [axis for axis in axes if axis.spec.name in left]
+    for _ in range(LATE_ROUNDS):
+        began = clock.now_ns()
         try:
-            left = leave(connect(), clock, asked)
+            _until_off(connect(), clock, axes, left, 1, LATE_ROUND_NS)
         except DriverError as err:
-            left = dict.fromkeys(left, str(err))
-        now = clock.now_ns()
-        if not left or now + PAUSE_NS >= until:
-            return left
-        clock.sleep_until(now + PAUSE_NS)
+            _say(axes, left, err)
+        if not left:
+            break
+        clock.sleep_until(began + LATE_ROUND_NS)
+    return left
+
+
+def _until_off(
+    port: FramePort,
+    clock: Clock,
+    axes: Sequence[Axis],
+    left: dict[str, str],
+    rounds: int,
+    round_ns: int,
+) -> None:
+    """Send torque zero, then disable in rounds to those left; take out who confirms it."""
+    by_id = {axis.motor.feedback_id: axis for axis in axes}
+    for axis in axes:
+        if axis.spec.name in left:
+            port.send(axis.motor.id, axis.command(0.0))
+    for _ in range(rounds):
+        for axis in axes:
+            if axis.spec.name in left:
+                port.send(axis.motor.id, damiao.DISABLE)
+        until = clock.now_ns() + round_ns
+        while left and clock.now_ns() < until and clock.wait(port, until):
+            frame = port.receive()
+            axis_of = None if frame is None else by_id.get(frame[0])
+            if frame is None or axis_of is None or axis_of.spec.name not in left:
+                continue
+            feedback = damiao.feedback(frame[1], axis_of.motor.id)
+            if feedback is None:
+                continue
+            if feedback.state == damiao.DISABLED or feedback.state in ERRORS:
+                del left[axis_of.spec.name]
+            else:  # or an answer to an older command
+                said = damiao.state_text(feedback.state)
+                left[axis_of.spec.name] = f"{axis_of.label}: it still says {said} after disable"
+        if not left:
+            break
+
+
+def _say(axes: Sequence[Axis], left: dict[str, str], err: DriverError) -> None:
+    left |= {axis.spec.name: f"{axis.label}: {err}" for axis in axes if axis.spec.name in left}
 
 
 def _drop(port: FramePort, clock: Clock) -> None:

@@ -31,6 +31,8 @@ from tautwave_drivers.mit.robstride import Answer, Parameter
 ANSWER_NS = 5_000_000
 """Time for an answer outside of a run."""
 TRIES = 3
+LATE_ROUND_NS, LATE_ROUNDS = 50_000_000, 10
+"""How long answers to stop are awaited at the end before it is sent again, and how often it is."""
 ENABLE_TRIES = 50
 CLOSE = 1e-3
 """Relative difference of numbers that is rounding."""
@@ -159,9 +161,7 @@ class RobstrideDriver(DriverBase):
         for axis in self._axes:
             axis.reset()
         self._tries = 0
-        self._exchange = Exchange(
-            self._connect(), self._clock, self._hear, queue_remedy(self._options)
-        )
+        self._exchange = self._opened_exchange()
         self._stop_all()
         if self.unconfirmed:
             silent = ", ".join(f"{name}: {why}" for name, why in self.unconfirmed.items())
@@ -176,6 +176,9 @@ class RobstrideDriver(DriverBase):
             self._set(axis, robstride.TORQUE_LIMIT, axis.spec.effort_limit)
             self._watch(axis, watched, unwatched)
         self.watchdog_s, self.unwatched = watched, unwatched
+
+    def _opened_exchange(self) -> Exchange:
+        return Exchange(self._connect(), self._clock, self._hear, queue_remedy(self._options))
 
     def _connect(self) -> FramePort:
         if self._transport is not None:
@@ -416,8 +419,26 @@ class RobstrideDriver(DriverBase):
         self._stop_all()
 
     def _end(self) -> None:
-        if self._exchange is not None and self.unconfirmed:
-            self._stop_all()
+        """Try again, on a port opened anew if it was lost; what came since then counts."""
+        if self._exchange is None or not self.unconfirmed:
+            return
+        for _ in range(LATE_ROUNDS):
+            until = self._clock.now_ns() + LATE_ROUND_NS
+            try:
+                self._stop(self._reconnect(), until)
+            except DriverError as err:
+                self.unconfirmed = dict.fromkeys(self.unconfirmed, str(err))
+            if not self.unconfirmed:
+                break
+            self._clock.sleep_until(until)
+
+    def _reconnect(self) -> Exchange:
+        exchange = self._exchange
+        assert exchange is not None
+        if exchange.lost and exchange.port is not self._transport:
+            exchange.port.close()
+            self._exchange = exchange = self._opened_exchange()
+        return exchange
 
     def _stop_all(self) -> None:
         """Stop all motors, and keep who does not confirm it."""
@@ -426,14 +447,26 @@ class RobstrideDriver(DriverBase):
         exchange.drain()  # what is still in from before confirms nothing
         for axis in self._axes:
             axis.state, axis.effort = None, 0.0
+        self.unconfirmed = {axis.spec.name: "no answer" for axis in self._axes}
         for _ in range(TRIES):
-            left = [axis for axis in self._axes if axis.state != robstride.RESET]
-            self._ask(left, lambda axis: (self._id(robstride.STOP, axis, self._host), bytes(8)))
+            if self.unconfirmed:
+                self._stop(exchange, self._clock.now_ns() + ANSWER_NS)
+
+    def _stop(self, exchange: Exchange, until_ns: int) -> None:
+        """Stop those that do not say they are; answers to older commands come in between."""
+        left = [axis for axis in self._axes if axis.spec.name in self.unconfirmed]
+        if exchange.begin():
+            exchange.ask([(self._id(robstride.STOP, axis, self._host), bytes(8)) for axis in left])
+        while left and not exchange.lost and self._clock.now_ns() < until_ns:
+            for axis in left:
+                axis.fresh = False
+            exchange.missing = 1
+            exchange.collect(until_ns)
+            left = [axis for axis in left if axis.state != robstride.RESET]
         self.unconfirmed = {
             axis.spec.name: exchange.lost
             or ("no answer" if axis.state is None else f"it stays {axis_state(axis)}")
-            for axis in self._axes
-            if axis.state != robstride.RESET
+            for axis in left
         }
 
     def _ask(self, axes: Sequence[Axis], frame: Callable[[Axis], tuple[int, bytes]]) -> None:

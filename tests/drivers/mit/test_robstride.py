@@ -184,6 +184,49 @@ def test_a_host_that_stalls_finds_the_motor_stopped() -> None:
     rig.driver.close()
 
 
+@pytest.mark.parametrize("late_ms", [5, 16, 31, 75, 300])
+def test_motors_are_known_to_be_off_however_late_their_answers_come(late_ms: int) -> None:
+    """Meanwhile answers to older commands say that they run."""
+    rig = Rig(stated(1), stated(2))
+    rig.enable()
+    rig.cycle(0.5)
+    inject = rig.line.inject
+    rig.line.inject = lambda at_ns, *frame: inject(at_ns + late_ms * 1_000_000, *frame)  # type: ignore[method-assign]
+    for _ in range(late_ms // 2 + 2):
+        rig.cycle(0.5)
+    rig.driver.disable()
+    rig.clock.sleep_until(rig.clock.now_ns() + 30_000_000)  # another bus is left as well
+    rig.driver.close()
+    assert [one.state for one in rig.motors] == [0, 0]
+    assert not rig.driver.unconfirmed
+
+
+def test_a_port_that_was_lost_is_opened_anew_to_stop_motors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = Rig(stated(1))
+    opened: list[RobstrideLine] = []
+
+    def port(*_: Any) -> RobstrideLine:
+        opened.append(RobstrideLine(rig.clock, *rig.motors))
+        return opened[-1]
+
+    monkeypatch.setattr("tautwave_drivers.mit.robstride_driver.open_port", port)
+    rig.driver = make(rig.options, rig.bus, rig.clock, None)
+    rig.enable()
+    rig.cycle(0.5)
+
+    def gone(can_id: int, data: bytes) -> bool:
+        raise DriverError("CAN interface can0 is down or gone")
+
+    opened[0].send = gone  # type: ignore[method-assign]
+    rig.cycle(0.5)
+    rig.driver.close()
+    assert len(opened) == 2
+    assert rig.motors[0].state == 0
+    assert not rig.driver.unconfirmed
+
+
 def test_another_masters_polls_are_no_samples() -> None:
     rig = Rig(stated(1))
     rig.enable()

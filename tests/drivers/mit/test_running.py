@@ -201,6 +201,22 @@ def test_a_disable_that_was_lost_is_sent_again() -> None:
     rig.driver.close()
 
 
+@pytest.mark.parametrize("late_ms", [5, 31, 45, 75, 95, 300])
+def test_motors_are_known_to_be_off_however_late_their_answers_come(late_ms: int) -> None:
+    """Meanwhile answers to older commands say that they are enabled."""
+    rig = foreign(motor(1), motor(2))
+    rig.up()
+    rig.run(3, 0.3)
+    for answers in (17, 18):
+        rig.line.later_ns[answers] = [late_ms * 1_000_000] * 10_000
+    rig.run(late_ms + 5, 0.3)  # whose samples are all late
+    rig.driver.disable()
+    rig.clock.sleep_until(rig.clock.now_ns() + 30_000_000)  # another bus is left as well
+    rig.driver.close()
+    assert [one.state for one in rig.motors] == [0, 0]
+    assert not rig.driver.unconfirmed
+
+
 def test_the_last_frame_before_disable_is_zero_torque() -> None:
     rig = foreign(motor(1))
     rig.up()
