@@ -20,6 +20,14 @@ def tree(**options: Any) -> Tree:
     return data
 
 
+def robstride(**options: Any) -> Tree:
+    """Return the rig with RobStride's motors, the same ranges in 16 bits."""
+    data = tree(family="robstride", **options)
+    for motor in data["buses"]["can"]["options"]["motors"]:
+        motor["feedback_id"] = 0xFD
+    return data
+
+
 def loopback(data: Tree) -> Tree:
     """Return the same rig on a loopback bus, with the steps and the command delay of the motors."""
     rig = rig_of(data)
@@ -47,6 +55,21 @@ def test_it_moves_as_on_loopback_but_for_the_codes(rows: Run) -> None:
         assert np.abs(rows[column]).max() > 0.1
         assert np.abs(rows[column] - other[column]).max() < 5.0 * step
     closed = books(rows, "lever")
+    assert closed.residual < 1e-9 * closed.gross_flow
+
+
+@pytest.mark.slow
+def test_robstrides_motors_move_as_on_loopback_but_for_the_codes() -> None:
+    mine = run_rig(robstride(), duration_s=2.0)
+    other = run_rig(loopback(robstride()), duration_s=2.0)
+    for side in ("master", "slave"):
+        column = f"true.{side}.lever.position"
+        assert np.abs(mine[column]).max() > 0.1
+        assert np.abs(mine[column] - other[column]).max() < 5.0 * 25.0 / 65535
+    told, acted = mine["slave.lever.commanded"], mine["slave.lever.motor_effort"]
+    assert np.abs(told).max() > 0.05
+    assert np.abs(acted[2:] - told[:-2]).max() <= 0.51 * 20.0 / 65535
+    closed = books(mine, "lever")
     assert closed.residual < 1e-9 * closed.gross_flow
 
 
@@ -87,3 +110,21 @@ def test_what_befalls_a_motor_ends_the_run_in_words(quirk: dict[str, Any], words
     assert np.isfinite(last)
     simulator = run.assembly.simulators[0]
     assert all(motor.state != 1 for motor in simulator.world.motors if motor.present)
+
+
+@pytest.mark.parametrize(
+    ("quirk", "words"),
+    [
+        ({"restarts_at_s": 0.05}, "slave.lever: motor 2: stopped: its CAN timeout has passed"),
+        ({"error_at_s": 0.05, "error": 16}, "slave.lever: motor 2: stalled or overloaded"),
+        ({"silent_at_s": 0.05}, "slave.lever on bus 'can': no sample in 3 cycles"),
+    ],
+)
+def test_what_befalls_a_robstride_motor_ends_the_run_in_words(
+    quirk: dict[str, Any], words: str
+) -> None:
+    data = robstride(simulator={"motors": {"2": quirk}})
+    run = run_rig(data, raises=False, duration_s=0.1)
+    assert words in str(run.result.error)
+    simulator = run.assembly.simulators[0]
+    assert all(not motor.on for motor in simulator.world.motors if motor.present)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from tautwave.contracts import AxisSpec, Bench, BusSpec
+from tautwave.errors import ConfigError
 from tautwave_sim.bench import free_axis, require_distinct
 from tautwave_sim.mit.options import MotorKeys, Positive, SimulatedMitOptions, SimulatorKeys
 
 SLOT_HZ = 4000.0
+LAST_ROBSTRIDE, ROBSTRIDE_HOST = 127, 0xFD
 
 
 class MitBench(BaseModel):
@@ -21,8 +23,11 @@ class MitBench(BaseModel):
 
     ids: tuple[Annotated[int, Field(ge=1, le=0x7FF)], ...] = Field(
         (1, 2), min_length=1, description="ids of the motors (ESC_ID), as in 1,2; each answers "
-        "with its id + 16 (MST_ID)",
+        "with its id + 16 (MST_ID), RobStride's to who asks",
     )  # fmt: skip
+    family: Literal["damiao", "robstride"] = Field(
+        "damiao", description="whose frames they speak: damiao or robstride"
+    )
     interface: str = Field(
         "socketcan",
         description="of python-can; udp_multicast needs no CAN in the kernel, and virtual reaches "
@@ -48,13 +53,19 @@ def bench(options: MitBench) -> Bench:
     Raises
     ------
     ConfigError
-        A motor is listed twice.
+        A motor is listed twice, or is none of its family.
     """
     require_distinct("--ids", options.ids, "motors")
+    other = options.family == "robstride"
+    if other and (options.data_bitrate or max(options.ids) > LAST_ROBSTRIDE):
+        raise ConfigError(
+            f"RobStride's motors have ids up to {LAST_ROBSTRIDE} on classic CAN; give --ids such "
+            "as 1,2, and no --data-bitrate"
+        )
     motors = tuple(
         MotorKeys(
             id=number,
-            feedback_id=number + 16,
+            feedback_id=ROBSTRIDE_HOST if other else number + 16,
             p_max=options.p_max,
             v_max=options.v_max,
             t_max=options.t_max,
@@ -66,6 +77,7 @@ def bench(options: MitBench) -> Bench:
         channel=options.channel,
         bitrate=options.bitrate,
         data_bitrate=options.data_bitrate or None,
+        family=options.family,
         motors=motors,
         simulator=SimulatorKeys(free=True),
     )

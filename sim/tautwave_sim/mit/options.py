@@ -10,6 +10,8 @@ from tautwave_sim.wire.can_faults import CanFaults
 
 Positive = Annotated[float, Field(gt=0.0)]
 AtSeconds = Annotated[float, Field(ge=0.0)]
+LAST_REGISTER, FIRST_ERROR, LAST_STATE = 81, 8, 15
+"""Of Damiao's motors: the last register, the first state that is an error, the last state."""
 Listed = Field(strict=False)
 """A rig file is read as JSON: it has lists for tuples and text for the keys of a mapping."""
 
@@ -27,12 +29,15 @@ class _Shared(BaseModel):
 class Quirks(_Keys):
     """How one motor differs, or misbehaves. Times are [s] after the motors began to move."""
 
-    registers: dict[Annotated[int, Field(ge=0, le=81), Listed], float] = Field(default_factory=dict)
-    """Saved values of registers by number, such as 9 for TIMEOUT; others follow the options."""
+    registers: dict[Annotated[int, Field(ge=0, le=0xFFFF), Listed], float] = Field(
+        default_factory=dict
+    )
+    """Saved values of registers by number, such as 9 for TIMEOUT; others follow the options.
+    RobStride: of its parameters, such as 0x700B for its torque limit."""
     turns: Annotated[int, Field(ge=-3, le=3)] = 0
     """Whole turns by which its position is off after power-up."""
-    starts_with: Annotated[int, Field(ge=0, le=15)] = 0
-    """Its state after power-up, such as 9 for under-voltage."""
+    starts_with: Annotated[int, Field(ge=0, le=0x3F)] = 0
+    """Its state after power-up, such as 9 for under-voltage. RobStride: its faults, as bits."""
     drops_register_answers: Annotated[int, Field(ge=0)] = 0
     """It leaves out every n-th answer about a register; 0: none."""
     ignores_timeout: bool = False
@@ -43,8 +48,9 @@ class Quirks(_Keys):
     """Its supply dips then: it starts anew, with what was saved."""
     error_at_s: AtSeconds | None = None
     """It has the error `error` then, and switches its torque off."""
-    error: Annotated[int, Field(ge=8, le=15)] = 8
-    """A state: 8 over-voltage, 9 under-voltage, 10 over-current, 11, 12 too hot, 14 overload."""
+    error: Annotated[int, Field(ge=1, le=0x3F)] = 8
+    """A state: 8 over-voltage, 9 under-voltage, 10 over-current, 11, 12 too hot, 14 overload.
+    RobStride: bits, 1 under-voltage, 2 over-current, 4 too hot, 8 encoder, 16 overload."""
     derates_at_s: AtSeconds | None = None
     """From then on it gives no more torque than `derated_to`, without reporting it."""
     derated_to: Annotated[float, Field(ge=0.0)] = 0.0
@@ -85,14 +91,21 @@ class SimulatedMitOptions(_Shared):
     channel: str = "can0"
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000
     data_bitrate: Annotated[int, Field(gt=0)] | None = None
-    family: str = "damiao"
+    family: Literal["damiao", "robstride"] = "damiao"
     motors: Annotated[tuple[MotorKeys, ...], Listed]
     simulator: SimulatorKeys = SimulatorKeys()
 
     @model_validator(mode="after")
     def _motors_exist(self) -> SimulatedMitOptions:
-        if self.family != "damiao":
-            raise ValueError(f"simulated motors are Damiao's; none are of family {self.family}")
+        for number, quirks in self.simulator.motors.items():
+            here = f"simulator.motors.{number}"
+            states = LAST_STATE if self.family == "damiao" else 0x3F
+            if self.family == "damiao" and max(quirks.registers, default=0) > LAST_REGISTER:
+                raise ValueError(f"{here}: registers end at {LAST_REGISTER}")
+            if max(quirks.starts_with, quirks.error) > states:
+                raise ValueError(f"{here}: states end at {states}")
+            if self.family == "damiao" and quirks.error < FIRST_ERROR:
+                raise ValueError(f"{here}: error begins at {FIRST_ERROR}, over-voltage")
         unknown = sorted(set(self.simulator.motors) - {motor.id for motor in self.motors})
         if unknown:
             raise ValueError(f"simulator.motors names motor {unknown[0]}, not listed in motors")

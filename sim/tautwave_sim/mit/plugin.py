@@ -12,7 +12,7 @@ simulator = can_plugin(
     "motors",
     MotorBus,
     options=SimulatedMitOptions,
-    summary="MIT motors (Damiao) on CAN and CAN FD, with wire time",
+    summary="MIT motors (Damiao) on CAN and CAN FD, RobStride, with wire time",
     bench_options=MitBench,
     bench=bench,
     arms=True,

@@ -15,8 +15,10 @@ from functools import partial
 from tautwave.contracts import BusSpec
 from tautwave.truth import AxisModel
 from tautwave_sim.axis import SimulatedAxis, join_arms
-from tautwave_sim.mit.motor import ON, Motor
+from tautwave_sim.mit.body import Body
+from tautwave_sim.mit.motor import Motor
 from tautwave_sim.mit.options import Quirks, SimulatedMitOptions
+from tautwave_sim.mit.robstride import RobstrideMotor
 from tautwave_sim.wire.can_world import CanWorld, Planned, listed, wire_of
 
 
@@ -44,8 +46,9 @@ class MotorBus(CanWorld):
     ) -> None:
         timing, plan = wire_of(options, truths)
         super().__init__(timing, plan, bus.period_ns, now_ns)
+        self.extended = options.family == "robstride"
         self._free = options.simulator.free
-        self.motors: list[Motor] = []
+        self.motors: list[Body] = []
         self.axes: list[SimulatedAxis] = []
         self._phases: dict[int, int] = {}
         known = listed(bus, "motors", {motor.id: motor for motor in options.motors})
@@ -53,7 +56,11 @@ class MotorBus(CanWorld):
             at = len(self.motors)
             port = self.medium.port(partial(self._hear, at))
             quirks = options.simulator.motors.get(spec.device_id, Quirks())
-            motor = Motor(keys, quirks, spec.name, truth, timing.fd, port.send)
+            motor: Body = (
+                RobstrideMotor(keys, quirks, spec.name, truth, port.send)
+                if self.extended
+                else Motor(keys, quirks, spec.name, truth, timing.fd, port.send)
+            )
             self.motors.append(motor)
             self.axes.append(motor.axis)
             motor.free = motor.axis.in_hand
@@ -94,17 +101,16 @@ class MotorBus(CanWorld):
         motor = self.motors[at]
         if not motor.hears(can_id):
             return
-        special = data[:7] == bytes((0xFF,) * 7)
-        if can_id == motor.keys.id and not special:
+        if motor.commands(can_id, data):
             self._slot_of(at, now_ns)
         motor.receive(now_ns, can_id, data)
-        if self._free and self._origin_ns is None and motor.state == ON:
+        if self._free and self._origin_ns is None and motor.on:
             self._begin(now_ns)
 
     def _slot_of(self, at: int, now_ns: int) -> None:
         """Bring all axes to the slot of a command."""
         if self._origin_ns is None:
-            if not all(motor.state == ON for motor in self.motors):
+            if not all(motor.on for motor in self.motors):
                 return
             self._begin(now_ns)
         assert self._origin_ns is not None
@@ -120,7 +126,7 @@ class MotorBus(CanWorld):
             motor.free = True
 
 
-def _planned_faults(motor: Motor, quirks: Quirks) -> list[Planned]:
+def _planned_faults(motor: Body, quirks: Quirks) -> list[Planned]:
     """Return the faults planned for a motor, each with its time [s]."""
 
     def fall_silent(now_ns: int) -> None:

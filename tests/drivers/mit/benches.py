@@ -9,7 +9,7 @@ from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.testing import DriverBench
 from tautwave.types import AxisCommand, Fault, JointState
-from tautwave_drivers.mit import MitDriver, MitOptions
+from tautwave_drivers.mit import MitDriver, MitOptions, make
 from tautwave_sim.mit import simulator
 from tests.foreign.mit_motors import ForeignMotor, MotorLine
 from tests.sim.truths import truth
@@ -24,6 +24,12 @@ def motor(number: int, **more: Any) -> dict[str, Any]:
         "id": number, "feedback_id": number + 16, "p_max": 12.5, "v_max": 30.0, "t_max": 10.0,
         **more,
     }  # fmt: skip
+
+
+def robstride(number: int, **more: Any) -> dict[str, Any]:
+    """Return an RS00, whose host is 0xFD."""
+    ranges = {"p_max": 12.57, "v_max": 33.0, "t_max": 14.0}
+    return motor(number, feedback_id=0xFD, **{**ranges, **more})
 
 
 def block(*motors: dict[str, Any], **more: Any) -> dict[str, Any]:
@@ -121,7 +127,7 @@ def simulated(
     made = simulator.make(
         simulator.options.model_validate_json(json.dumps(options)), spec, physics, clock
     )
-    driver = MitDriver(driver_options(options), spec, clock, made.transport)
+    driver: Any = make(driver_options(options), spec, clock, made.transport)
     return Rig(driver, clock, spec, made, made.world.motors)  # type: ignore[attr-defined]
 
 
@@ -132,15 +138,17 @@ def contract_bench(rig: Rig) -> DriverBench:
     def torque(axis: int) -> float:
         (rig.line if here else rig.line.transport).advance(rig.clock.now_ns())
         one = rig.motors[axis]
-        off = one.state != 1
+        off = one.state != 1 if here else not one.on
         found = float(one.torque)
         # No code is zero: half a step is as much.
         return 0.0 if off or abs(found) < 3e-3 else found
 
     def place(axis: int) -> float:
         one = rig.motors[axis]
+        if not here:
+            return float(one.axis.physics.x)
         keys = rig.driver._motors[axis]
-        return keys.direction * (one.x - keys.zero) if here else float(one.axis.physics.x)
+        return keys.direction * (one.x - keys.zero)
 
     def cut() -> None:
         if here:

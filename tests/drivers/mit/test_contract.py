@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from tautwave.testing import DriverBench, DriverContract
-from tests.drivers.mit.benches import Rig, contract_bench, foreign, motor, simulated
+from tests.drivers.mit.benches import Rig, contract_bench, foreign, motor, robstride, simulated
 
 CASES: dict[str, Callable[[], Rig]] = {
     "foreign": lambda: foreign(motor(1), motor(2)),
@@ -18,6 +18,14 @@ CASES: dict[str, Callable[[], Rig]] = {
     "unwatched": lambda: simulated(
         motor(1),
         motor(2),
+        bus={"allow_unwatched": True},
+        simulator={"motors": {"2": {"ignores_timeout": True}}},
+    ),
+    "robstride": lambda: simulated(robstride(1), robstride(2), family="robstride"),
+    "robstride turned": lambda: simulated(
+        robstride(1),
+        robstride(2, direction=-1, zero=0.5),
+        family="robstride",
         bus={"allow_unwatched": True},
         simulator={"motors": {"2": {"ignores_timeout": True}}},
     ),

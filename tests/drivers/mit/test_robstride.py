@@ -15,15 +15,11 @@ from tautwave.types import AxisCommand, JointState
 from tautwave_drivers.mit import RobstrideDriver, make, robstride
 from tautwave_drivers.mit.budget import budget
 from tautwave_drivers.mit.options import facts
-from tests.drivers.mit.benches import driver_options, motor
+from tests.drivers.mit.benches import driver_options
+from tests.drivers.mit.benches import robstride as stated
 from tests.foreign.robstride_motors import LIMIT, MODE, SILENCE, RobstrideLine, RobstrideMotor
 
 PERIOD_NS = 2_000_000
-
-
-def stated(number: int, **more: Any) -> dict[str, Any]:
-    ranges = {"p_max": 12.57, "v_max": 33.0, "t_max": 14.0}
-    return motor(number, feedback_id=0xFD, **{**ranges, **more})
 
 
 def block(*motors: dict[str, Any], **more: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A client that others wrote drives the simulated motors: damiao-motor, over UDP multicast."""
+"""Clients that others wrote drive the simulated motors: damiao-motor, robstride."""
 
 from __future__ import annotations
 
@@ -8,26 +8,29 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-damiao_motor = pytest.importorskip("damiao_motor", reason="comes with the extra `peers`")
+from tautwave.multicast import only_its_group
 
 BIN = Path(sys.executable).parent
-CHANNEL = "239.74.163.83"
+CHANNEL, OTHER = "239.74.163.83", "239.74.163.84"
+PEERS = "comes with the extra `peers`"
 
 
-@pytest.fixture
-def served() -> Iterator[str]:
-    words = ["sim", "mit", "--ids", "1,2", "--interface", "udp_multicast", "--channel"]
+@contextmanager
+def served(channel: str, *more: str) -> Iterator[str]:
+    words = ["sim", "mit", "--ids", "1,2", "--interface", "udp_multicast", "--channel", channel]
     process = subprocess.Popen(
-        [str(BIN / "tautwave"), *words, CHANNEL], stdout=subprocess.PIPE, text=True
+        [str(BIN / "tautwave"), *words, *more], stdout=subprocess.PIPE, text=True
     )
     try:
         assert process.stdout is not None
         assert json.loads(process.stdout.readline())["motors"] == [1, 2]
-        yield CHANNEL
+        yield channel
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(20)
@@ -46,8 +49,15 @@ def until(done: Callable[[], bool], act: Callable[[], None], limit_s: float = 30
 @pytest.mark.slow
 @pytest.mark.realtime
 @pytest.mark.filterwarnings("ignore:The 'bustype' argument:DeprecationWarning")
-def test_damiao_motor_reads_sets_moves_loses_and_clears_a_motor(served: str) -> None:
-    controller = damiao_motor.DaMiaoController(channel=served, bustype="udp_multicast")
+def test_damiao_motor_reads_sets_moves_loses_and_clears_a_motor() -> None:
+    damiao_motor = pytest.importorskip("damiao_motor", reason=PEERS)
+    with served(CHANNEL) as channel:
+        controller = damiao_motor.DaMiaoController(channel=channel, bustype="udp_multicast")
+        only_its_group(controller.bus)
+        _damiao(controller)
+
+
+def _damiao(controller: Any) -> None:
     try:
         motor = controller.add_motor(motor_id=1, feedback_id=17, motor_type="4310")
         found = [motor.get_register(number, timeout=10.0) for number in (7, 8, 21, 22, 23)]
@@ -72,3 +82,53 @@ def test_damiao_motor_reads_sets_moves_loses_and_clears_a_motor(served: str) -> 
         until(lambda: motor.get_states()["status_code"] == 0, motor.disable)
     finally:
         controller.shutdown()
+
+
+class OwnUnheard:
+    """A bus as CAN is: who sends a frame does not receive it, as on UDP multicast."""
+
+    def __init__(self, bus: Any) -> None:
+        self._bus = bus
+        self._sent: list[tuple[int, bytes]] = []
+
+    def send(self, message: Any) -> None:
+        self._sent.append((message.arbitration_id, bytes(message.data)))
+        self._bus.send(message)
+
+    def recv(self, timeout: float) -> Any:
+        while (message := self._bus.recv(timeout)) is not None:
+            content = message.arbitration_id, bytes(message.data)
+            if content not in self._sent:
+                return message
+            self._sent.remove(content)
+        return None
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_robstride_reads_sets_enables_and_renames_a_motor() -> None:
+    """Version 0.1.0 takes one bit of the two of a motor's mode, so "run" reads as "reset" there."""
+    robstride = pytest.importorskip("robstride", reason=PEERS)
+    can = pytest.importorskip("can")
+    ranges = ("--p-max", "12.566370614", "--v-max", "44", "--t-max", "17")  # an RS01
+    with (
+        served(OTHER, "--family", "robstride", *ranges) as channel,
+        can.Bus(interface="udp_multicast", channel=channel) as bus,
+    ):
+        only_its_group(bus)
+        client = robstride.Client(OwnUnheard(bus), recv_timeout=30)
+        assert client.read_param(1, "limit_torque") == 17.0
+        assert client.read_param(1, "run_mode") == robstride.RunMode.Operation
+        said = client.write_param(1, "run_mode", robstride.RunMode.Speed)
+        assert (said.servo_id, said.errors, said.temp) == (1, [], 25.0)
+        assert client.read_param(1, "run_mode") == robstride.RunMode.Speed
+        client.write_param(1, "limit_torque", 2.5)
+        assert client.read_param(1, "limit_torque") == 2.5
+        assert abs(client.read_param(2, "mechpos")) < 1e-3
+        said = client.enable(2)
+        assert said.angle == pytest.approx(0.0, abs=1e-3)
+        assert (said.velocity, said.torque) == pytest.approx((0.0, 0.0), abs=2e-3)
+        client.disable(2)
+        client.update_id(2, 9)
+        assert client.disable(9).servo_id == 9
+        assert client.error_rate() == 0.0
