@@ -69,14 +69,14 @@ def checks(rig: Path) -> dict[tuple[str, str], dict[str, Any]]:
 @pytest.mark.slow
 def test_a_wrong_scale_ends_the_day_before_anything_gets_torque(tmp_path: Path) -> None:
     rig = bench(tmp_path)
-    done = accept(rig, "hand,noise", "2 thirty\n", "--axis", "master.lever")
+    done = accept(rig, "hand,noise", "2 20\n", "--axis", "master.lever")
     assert done.exit_code == 6
     assert "scale master.lever" in done.output
     assert "NOT accepted by a person" in done.output
     assert "FAILED, expected 1 within 0.05" in done.output
     assert not (tmp_path / "out" / "noise").exists()
     assert json.loads((tmp_path / "out" / FILE).read_text())["ended_at"] == "hand"
-    assert checks(rig)["scale", "master.lever"]["measured"]["ratio"] is None
+    assert checks(rig)["scale", "master.lever"]["measured"]["known_rad"] == math.radians(20.0)
     assert verify(tmp_path / "out" / FILE).wrong == []
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable, Generator
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tautwave import read_recording
 from tautwave.cli import main
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError, DeviceFault
@@ -25,7 +27,16 @@ from tautwave.session.acceptance.day import Acceptance, Day, begun
 from tautwave.session.acceptance.document import FILE, Check, verify
 from tautwave.session.acceptance.ladder import FREE, STAGES
 from tautwave.session.acceptance.waiting import WAIT_S, apart, middles, wait_for_place
-from tautwave.session.guided.answers import Scripted, read_answers
+from tautwave.session.guided.answers import (
+    Declined,
+    Misread,
+    Scripted,
+    Typed,
+    confirmed,
+    number,
+    one_of,
+    read_answers,
+)
 from tautwave.session.guided.running import Conversation, Ways
 from tautwave_sim.dynamixel import servo
 from tautwave_sim.loopback import LoopbackDriver
@@ -130,6 +141,8 @@ def test_without_another_try_a_failed_stage_ends_it(
         ("0 r\n0\n0 R\n0 r\n0\n", [], {"identity": 2, "hand": 3, "noise": 1}),
         ("0\n0 q\n", ["noise"], {"identity": 1, "hand": 1}),
         ("0\n", ["noise"], {"identity": 1, "hand": 1}),
+        ("0\n0 no\n", ["noise"], {"identity": 1, "hand": 1}),
+        ("0 what\n0\n0 yes!\n0\n", [], {"identity": 1, "hand": 1, "noise": 1}),
     ],
 )
 def test_between_stages_a_person_goes_on_does_it_again_or_leaves(
@@ -143,6 +156,79 @@ def test_between_stages_a_person_goes_on_does_it_again_or_leaves(
     assert content["tries"] == tries
     assert content["ended_at"] == (left[0] if left else "")
     assert content["accepted"] == (not left)
+
+
+# -- what is typed ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("word", ["no", "N", "q", "quit"])
+def test_no_begins_nothing_and_its_stage_is_not_passed(tmp_path: Path, word: str) -> None:
+    rig = bench(tmp_path)
+    found, _ = led(rig, "identity,motion", f"0.1\n0.1 {word}\n0\n")
+    assert found.left == ["motion"]
+    (check,) = [one for one in document(rig)["checks"] if one["stage"] == "motion"]
+    assert check["measured"]["said"].startswith(f"you answered {word!r} to: each axis is moved")
+    recording = tmp_path / "out" / "motion" / "recording.mcap"
+    efforts = read_recording(recording, ["slave.lever.commanded"])["slave.lever.commanded"]
+    assert len(efforts) > 50
+    assert not efforts.any()
+
+
+def test_devices_that_are_not_ours_end_it(tmp_path: Path) -> None:
+    rig = bench(tmp_path)
+    found, _ = led(rig, "identity,hand", "0.1 no\n0\n")
+    assert found.left == ["identity", "hand"]
+    assert str(found.refused).startswith("you answered 'no' to: are these your devices")
+
+
+@pytest.mark.slow
+def test_what_cannot_be_read_is_asked_again(tmp_path: Path) -> None:
+    rig = bench(tmp_path)
+    answers = "0.1 sure\n0.1\n0.1 thirty\n0.1\n0.1 30 deg\n0\n"
+    found, said = led(rig, "identity,hand", answers)
+    assert found.left == ["hand"]  # nobody moved it
+    assert "'sure': Enter goes on, no ends this. are these your devices? Press Enter" in said
+    assert len([line for line in said if "type a number; no ends this" in line]) == 2
+    measured = {one["what"] + one["stage"]: one["measured"] for one in document(rig)["checks"]}
+    assert measured["slave.leverscale"]["known_rad"] == pytest.approx(math.radians(30.0))
+
+
+@given(st.text(max_size=8))
+def test_every_answer_is_read_asked_again_or_a_no(answer: str) -> None:
+    for read in (confirmed, number, one_of("+", "-", "0"), one_of("", "r", "q")):
+        try:
+            value = read(answer)
+        except (Declined, Misread):
+            continue
+        assert read is not confirmed or answer.lower() in ("", "y", "yes")
+        assert read is not number or math.isfinite(value)
+
+
+def test_what_a_person_typed_before_a_question_starts_nothing() -> None:
+    ours, theirs = os.openpty()
+    try:
+        typed = Typed(theirs)
+        typed.ask(0)
+        os.write(ours, b"\n\n\n")  # three times Enter, for one question
+        assert typed.take(0) == ""
+        typed.ask(0)
+        assert typed.take(0) is None
+        os.write(ours, b"30\n")
+        assert typed.take(0) == "30"
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_lines_of_a_program_are_kept_for_their_questions() -> None:
+    ours, theirs = os.pipe()
+    os.write(theirs, b"\n+\n")
+    os.close(theirs)
+    typed = Typed(ours)
+    for answer in ("", "+"):
+        typed.ask(0)
+        assert typed.take(0) == answer
+    os.close(ours)
 
 
 # -- resumed ----------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -20,6 +22,7 @@ from tautwave.session.acceptance.accepted import accepted_path, comparing, keep_
 from tautwave.session.acceptance.document import Check
 from tautwave.session.acceptance.ladder import SEEN, STAGES, TOUCH, touches
 from tautwave.session.acceptance.motion import MAX_SHARE, MAX_SPEED, TOO_FAR, motions
+from tautwave.session.guided.answers import Misread, confirmed
 from tautwave.session.guided.control import GuidedControl
 from tests.examples import tried
 from tests.session.test_calibrating import BENCH
@@ -277,10 +280,12 @@ class Told(Device):
         self.answers = ["", *answers]
         self.asked: list[str] = []
 
-    def ask(self, question: str) -> Any:
-        self.asked.append(question)
-        yield
-        return self.answers.pop(0)
+    def ask(self, question: str, read: Callable[[str], str] = confirmed) -> Any:
+        while True:
+            self.asked.append(question)
+            yield
+            with suppress(Misread):
+                return read(self.answers.pop(0))
 
 
 def touched(device: Any, rig: Rig, axis: str) -> Check:

@@ -20,6 +20,7 @@ from tautwave.session.acceptance.ladder import COUPLED, FREE, SEEN, touches
 from tautwave.session.acceptance.motion import motions
 from tautwave.session.acceptance.silence import silences
 from tautwave.session.acceptance.waiting import wait_for_place
+from tautwave.session.guided.answers import Declined, one_of
 from tautwave.session.guided.control import GuidedControl
 from tautwave.session.guided.running import (
     Conversation,
@@ -138,8 +139,8 @@ def _asked(talk: Conversation, stage: str, *, passed: bool, later: Sequence[str]
     if not talk.answers.more():
         return STOP
     try:
-        return ask_without_devices(talk, question).strip().lower()[:1]
-    except ConfigError:  # the end of the input
+        return ask_without_devices(talk, question, one_of("", AGAIN, STOP))
+    except (Declined, ConfigError):  # the second: the end of the input
         return STOP
 
 
@@ -259,19 +260,19 @@ def _watchdog(rig: Rig, talk: Conversation, out: Path, ways: Ways) -> Iterator[C
     yield Check("watchdog", "loss", lost, "the loss is noticed", bool(sentence))
     if not sentence:
         return
-    ask_without_devices(talk, "plug it in again; does every axis move freely? Press Enter")
     back: dict[str, float | str]
     try:
+        ask_without_devices(talk, "plug it in again; does every axis move freely? Press Enter")
         again = run_guided(
             rig, guides.coming_back, talk, out=out / "back", torque=False, guarded=False, ways=ways
         )
-    except DriverError as err:
+    except (Declined, DriverError) as err:
         back = {"devices": "not back", "said": str(err)}
     else:
         tripped = [note for note in again.notes if "watchdog" in note]
         back = {"devices": "back", "said": "; ".join(tripped) or "nothing"}
     good = back["devices"] == "back"
-    yield Check("watchdog", "back", back, "all devices come back", good)
+    yield Check("watchdog", "back", back, "axes move freely, and all devices come back", good)
 
 
 def _coupled(

@@ -10,6 +10,7 @@ from tautwave.session.acceptance.document import Check
 from tautwave.session.acceptance.motion import take_back
 from tautwave.session.acceptance.sensors import rest_now, sensor_checks
 from tautwave.session.calibration.by_hand import LEAST, mean_positions
+from tautwave.session.guided.answers import number
 from tautwave.session.guided.control import GuidedControl
 
 SCALE_ERROR = 0.05
@@ -40,10 +41,12 @@ def sign_and_scale(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Che
         known_as = "a known angle and hold it; type it in degrees"
         if unit == "m":
             known_as = "a known distance and hold it; type it in mm"
-        answer = yield from control.ask(f"{name}: move it in the positive direction by {known_as}")
+        typed = yield from control.ask(
+            f"{name}: move it in the positive direction by {known_as}", number
+        )
         now = yield from mean_positions([name], control)
         moved = now[name] - before[name]
-        known = _number(answer) * (math.pi / 180.0 if unit == "rad" else 1e-3)
+        known = typed * (math.pi / 180.0 if unit == "rad" else 1e-3)
         checks.append(
             Check("sign", name, {f"moved_{unit}": moved}, "positive",
                   moved >= LEAST[rig.axes[name].kind])
@@ -161,9 +164,8 @@ def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
             control.push(name, effort)
             yield from _wait(control, SETTLE_S)
             rests += yield from rest_now(rig, name, effort, control)
-            answer = yield from control.ask(f"{name}: scale reading in {unit}:")
+            read = yield from control.ask(f"{name}: scale reading in {unit}:", number)
             control.push(name, 0.0)
-            read = _number(answer)
             numbers: dict[str, float | str] = {
                 "commanded": effort, "read": read, "ratio": read / effort
             }  # fmt: skip
@@ -188,14 +190,6 @@ def _wait(control: GuidedControl, seconds: float) -> Generator[None, None, None]
     until = control.now_ns + 1e9 * seconds
     while control.now_ns < until:
         yield
-
-
-def _number(answer: str) -> float:
-    """Return the number of an answer, NaN where it has none: that is not good."""
-    try:
-        return float(answer.replace(",", ".").split()[0])
-    except (ValueError, IndexError):
-        return math.nan
 
 
 def _unit(rig: Rig, name: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Generator, Sequence
 from tautwave.config import Rig
 from tautwave.session.acceptance.document import Check
 from tautwave.session.acceptance.motion import drive, push
+from tautwave.session.guided.answers import one_of
 from tautwave.session.guided.control import GuidedControl
 
 SEEN = {
@@ -57,12 +58,9 @@ def touches(
         else:
             driven = yield from drive(axis, name, 1.0, control)
             numbers = {"commanded": driven.commanded, "moved": driven.moved}
-        felt = ""
-        while felt not in FELT:
-            answer = yield from control.ask(
-                f"{name}: which way did it go? + or -, 0 where you felt nothing"
-            )
-            felt = answer.strip()
+        felt = yield from control.ask(
+            f"{name}: which way did it go? + or -, 0 where you felt nothing", one_of(*FELT)
+        )
         numbers["felt"] = felt
         good = felt != "-" and float(numbers["moved"]) >= (0.0 if felt == "+" else -1e-9)
         checks.append(Check("touch", name, numbers, "felt + (or 0), and not moved back", good))

@@ -2,13 +2,79 @@
 
 from __future__ import annotations
 
+import math
 import os
 import select
-from collections.abc import Sequence
+import termios
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from tautwave.errors import ConfigError
+from tautwave.errors import ConfigError, SafetyStop
 from tautwave.runtime.operate.commands import timed_lines
+
+NO, YES = ("n", "no", "q", "quit"), ("", "y", "yes")
+
+
+class Declined(SafetyStop):
+    """A person said no to a question: what it was about does not happen."""
+
+
+class Misread(ValueError):
+    """An answer that cannot be read; the message says what is expected."""
+
+
+def confirmed(answer: str) -> str:
+    """Read the answer to a question that Enter answers: nothing begins on any other word.
+
+    Raises
+    ------
+    Declined
+        It says no.
+    Misread
+        It says something else.
+    """
+    _decline(answer)
+    if answer.lower() not in YES:
+        raise Misread("Enter goes on, no ends this")
+    return answer
+
+
+def number(answer: str) -> float:
+    """Read a number, with a comma or a point; words after it, such as its unit, are left.
+
+    Raises
+    ------
+    Declined
+        It says no.
+    Misread
+        It has no finite number.
+    """
+    _decline(answer)
+    try:
+        value = float(answer.replace(",", ".").split()[0])
+    except (ValueError, IndexError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise Misread("type a number; no ends this")
+    return value
+
+
+def one_of(*words: str) -> Callable[[str], str]:
+    """Return what reads one of these words, '' is Enter; no ends it where it is none of them."""
+
+    def read(answer: str) -> str:
+        word = answer.lower()
+        if word not in words:
+            _decline(answer)
+            raise Misread(f"type {', '.join(word or 'Enter' for word in words)}")
+        return word
+
+    return read
+
+
+def _decline(answer: str) -> None:
+    if answer.lower() in NO:
+        raise Declined(f"you answered {answer!r}")
 
 
 class Answers(Protocol):
@@ -31,15 +97,22 @@ class Answers(Protocol):
 
 
 class Typed:
-    """Lines on a descriptor; those that come before their question are kept for it."""
+    """Lines on a descriptor; from a program, those that come before their question are kept for it.
+
+    What a person typed before a question was for another one: it would start what nobody has read.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._data = b""
         self._ended = False
+        self._person = os.isatty(descriptor)
 
     def ask(self, now_ns: int) -> None:
-        """Every line is an answer."""
+        """Drop what a person typed before; every line of a program is an answer."""
+        if self._person and not self._ended:
+            self._data = b""
+            termios.tcflush(self._descriptor, termios.TCIFLUSH)
 
     def more(self) -> bool:
         """Return whether the input has not ended, as far as it was read."""

@@ -20,7 +20,7 @@ from tautwave.controller.stops import AxisName
 from tautwave.laws.limit import guard_axis
 from tautwave.runtime.control import Control
 from tautwave.runtime.operate.rest.axis import send_resting, sense_resting
-from tautwave.session.guided.answers import Answers
+from tautwave.session.guided.answers import Answers, Declined, Misread, confirmed
 
 SHOW_NS = 200_000_000
 
@@ -143,14 +143,29 @@ class GuidedControl(Control):
             self.faults.setdefault(self.names[which].name, sentence)
         return False
 
-    def ask(self, question: str) -> Generator[None, None, str]:
-        """Ask, and pass slots until there is an answer."""
+    def ask(
+        self, question: str, read: Callable[[str], Any] = confirmed
+    ) -> Generator[None, None, Any]:
+        """Ask until there is an answer that can be read, and pass slots meanwhile.
+
+        Raises
+        ------
+        Declined
+            The person said no.
+        """
         self.number += 1
-        self.say(question)
-        self._answers.ask(self.now_ns)
-        while (answer := self._answers.take(self.now_ns)) is None:
-            yield
-        return answer
+        said = question
+        while True:
+            self.say(said)
+            self._answers.ask(self.now_ns)
+            while (answer := self._answers.take(self.now_ns)) is None:
+                yield
+            try:
+                return read(answer)
+            except Misread as err:
+                said = f"{answer!r}: {err}. {question}"
+            except Declined as err:
+                raise Declined(f"{err} to: {question}") from None
 
     def show(self, text: Callable[[], str]) -> None:
         """Show numbers, now and then."""

@@ -32,7 +32,7 @@ from tautwave.runtime.recorder import Recorder
 from tautwave.runtime.unwatched import refuse_enabled, warning
 from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
-from tautwave.session.guided.answers import Answers
+from tautwave.session.guided.answers import Answers, Declined, Misread, confirmed
 from tautwave.session.guided.control import Guide, GuidedControl
 from tautwave.session.keeping import run_directory
 from tautwave.session.running import loop_conditions
@@ -80,14 +80,28 @@ class Guided(NamedTuple):
     unwatched: Sequence[str] = ()
 
 
-def ask_without_devices(talk: Conversation, question: str) -> str:
-    """Ask while no device is open; return the answer."""
-    clock = MonotonicClock()
-    talk.say(question)
-    talk.answers.ask(clock.now_ns())
-    while (answer := talk.answers.take(clock.now_ns())) is None:
-        clock.sleep_until(clock.now_ns() + LOOK_NS)
-    return answer
+def ask_without_devices(
+    talk: Conversation, question: str, read: Callable[[str], str] = confirmed
+) -> str:
+    """Ask while no device is open until there is an answer that can be read; return it.
+
+    Raises
+    ------
+    Declined
+        The person said no.
+    """
+    clock, said = MonotonicClock(), question
+    while True:
+        talk.say(said)
+        talk.answers.ask(clock.now_ns())
+        while (answer := talk.answers.take(clock.now_ns())) is None:
+            clock.sleep_until(clock.now_ns() + LOOK_NS)
+        try:
+            return read(answer)
+        except Misread as err:
+            said = f"{answer!r}: {err}. {question}"
+        except Declined as err:
+            raise Declined(f"{err} to: {question}") from None
 
 
 def run_guided(
