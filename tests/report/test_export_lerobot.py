@@ -61,27 +61,32 @@ def recorded(
     skipped: range = range(0),
     states: Mapping[int, Sequence[int]] = types.MappingProxyType({}),
     success: bool | None = None,
+    person: range | None = None,
 ) -> Path:
     """Record rows whose values name row and column; some lack a sample, some are skipped.
 
-    `states` are rows in which the rig is not engaged, `success` is said of the second episode.
+    `states` are rows in which the rig is not engaged, `success` is said of the second episode. In
+    the rows `person` a person leads instead of a policy; None: there is no policy.
     """
     folder.mkdir()
+    columns = COLUMNS if person is None else ("operation.intervention", *COLUMNS)
     recorder = Recorder(
-        folder / "recording.mcap", COLUMNS, metadata={"rig": "twin", "rate_hz": str(RATE)},
+        folder / "recording.mcap", columns, metadata={"rig": "twin", "rate_hz": str(RATE)},
         attachments={"rig.yaml": rig.encode()}, rows=512, lossless=True, rate_hz=RATE,
     )  # fmt: skip
     recorder.start()
     for k in (k for k in range(ROWS) if k not in skipped):
         episode = next((number for number, rows in EPISODES.items() if k in rows), 0)
         values = [k / RATE, float(episode)] + [k + at / 16.0 for at in range(len(COLUMNS) - 2)]
+        if person is not None:
+            values.insert(0, float(k in person))
         for at, value in enumerate(values):
             recorder.row[at] = value
         for pair in ("knee", "lift"):
-            recorder.row[COLUMNS.index(f"{pair}.position_error")] += k
+            recorder.row[columns.index(f"{pair}.position_error")] += k
         state = next((state for state, rows in states.items() if k in rows), 2)
-        recorder.row[COLUMNS.index("operation.state")] = state
-        recorder.row[COLUMNS.index("operation.scale")] = 1.0
+        recorder.row[columns.index("operation.state")] = state
+        recorder.row[columns.index("operation.scale")] = 1.0
         recorder.row[-2] = k not in lost  # as in a run: the other columns keep what was before
         recorder.commit()
     recorder.close()
@@ -237,6 +242,30 @@ def test_what_was_said_of_an_episode_is_a_column(
     assert json.loads((out / "meta/info.json").read_text())["features"]["success"] == {
         "dtype": "int64", "shape": [1], "names": None,
     }  # fmt: skip
+
+
+def test_frames_that_a_person_led_are_marked_and_so_are_demonstrations(tmp_path: Path) -> None:
+    led, shown = recorded(tmp_path / "led", person=range(50, 200)), recorded(tmp_path / "shown")
+    out = tmp_path / "set"
+    assert export(shown, led, "--task", "x", "--out", out)[0] == 0
+    table = pq.read_table(out / "data/chunk-000/file-000.parquet")
+    assert str(table.schema.field("intervention").type) == "bool"
+    rows = [20 + k * 100 / FPS for k in range(37)], [180 + k * 100 / FPS for k in range(31)]
+    marked = [50 <= math.floor(row + 1e-9) < 200 for part in rows for row in part]
+    assert table["intervention"].to_pylist() == [True] * 68 + marked
+    info = json.loads((out / "meta/info.json").read_text())
+    assert info["features"]["intervention"] == {"dtype": "bool", "shape": [1], "names": None}
+    assert b'"dtype": "bool"' in table.schema.metadata[b"huggingface"]
+    assert "`intervention`" in (out / "README.md").read_text()
+    # A dataset goes on as it began: of demonstrations alone nobody knows a policy.
+    assert export(shown, "--task", "x", "--out", tmp_path / "plain")[0] == 0
+    code, said = export(led, "--task", "x", "--out", tmp_path / "plain", "--resume")
+    assert (code, "only the runs have the feature intervention" in said) == (2, True)
+    more = recorded(tmp_path / "more", lost=range(5, 6))
+    code, said = export(more, "--task", "x", "--out", out, "--resume")
+    assert code == 0, said
+    both = pq.read_table(out / "data")["intervention"].to_pylist()
+    assert both == [True] * 68 + marked + [True] * 68
 
 
 @pytest.mark.parametrize("success", [False, None])

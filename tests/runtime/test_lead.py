@@ -147,14 +147,14 @@ def test_any_rig_gets_virtual_masters_and_what_they_may_do_is_stated(tmp_path: P
     assert isinstance(reference, Policy)
     assert reference.fps == 25.0
     assert led_by_policy(again).simulation == again.simulation, "twice is once"
-    (found,) = policy_elements(again)
+    (found,) = policy_elements(again, {})
     held = again.simulation.hand["horn"]
     damping = held.damping * 0.075**2
     speed, effort = 0.25 * 15.0, believed.effort_limit
     assert found.numbers["power_w"] == pytest.approx((effort + damping * speed) * speed)
     assert "the policy's intent is not" in found.passive.reason
     assert found.passive.state == "conditional"
-    assert list(policy_elements(whole)) == []
+    assert list(policy_elements(whole, {})) == []
 
 
 def test_masters_that_take_velocity_are_not_led() -> None:

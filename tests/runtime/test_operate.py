@@ -291,9 +291,9 @@ def test_random_sequences_close_their_books_within_budgets_and_stay_in_the_table
 
 
 def test_keys_and_lines_become_commands() -> None:
-    assert [order.word for order in read_keys(b" xgcpresfbq\x1b[A")] == [
+    assert [order.word for order in read_keys(b" xgcpresfbqth\x1b[A")] == [
         "toggle", "engage", "clutch", "hold", "rest", "episode", "success", "failed", "again",
-        "stop",
+        "stop", "take_over", "hand_back",
     ]  # fmt: skip
     lines = Lines("pipe")
     assert lines(b"engage\nepisode pick the re") == [Order("engage", "", "pipe")]

@@ -79,7 +79,7 @@ def certify(
         *brakes,
         *damper_elements(rig, delays),
         *bus_elements(rig, delays),
-        *policy_elements(rig),
+        *policy_elements(rig, delays),
     )
     elements = (*elements, *sum_elements(rig, delays, elements))
     if not brief:

@@ -136,11 +136,23 @@ SECTIONS = {
             "operation.command",
             "",
             "command taken in this cycle: 1 engage, 2 clutch, 3 hold, 4 rest, 5 stop, 6 scale, "
-            "7 episode, 8 payload",
+            "7 episode, 8 payload, 9 take_over, 10 hand_back",
         ),
         Column("operation.engagement", "", "number of engagements so far"),
         Column("operation.episode", "", "number of the current episode, 0 for none"),
         Column("operation.scale", "", "factor on every pair's position_scale, 1 at first"),
+        Column(
+            "operation.intervention",
+            "0, 1",
+            "with `operate.policy`: whether a person leads instead of the policy",
+        ),
+        Column("policy.PAIR.reference", "rad, m", "where the policy leads the master to"),
+        Column("policy.PAIR.effort", "N m, N", "of the hand that the master's own motor plays"),
+        Column(
+            "policy.PAIR.given",
+            "J",
+            "energy that this hand gave beyond what its reference brought; negative: it took",
+        ),
         Column(
             "PAIR.operate.absorbed",
             "J",

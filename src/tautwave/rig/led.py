@@ -41,7 +41,8 @@ def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
     """Return the rig with virtual devices in place of its masters; the slaves stay what they are.
 
     Each has the inertia and damping that are believed of the master, and a hand of the simulation's
-    grip or a light one. A rig with hands that a policy leads already keeps them.
+    grip or a light one. A rig with hands that a policy leads already keeps them, and one with
+    `operate.policy` its masters.
 
     Parameters
     ----------
@@ -57,6 +58,9 @@ def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
     """
     if rig.scene is not None:
         raise ConfigError(f"{rig.name}: a rig with a scene has no master that a policy could drive")
+    if rig.operate is not None and (policy := rig.operate.policy) is not None:
+        keys = policy.model_copy(update={"fps": fps})
+        return rig.model_copy(update={"operate": rig.operate.model_copy(update={"policy": keys})})
     operated = rig.model_copy(update={"operate": rig.operate or Operate()})
     hands = {} if rig.simulation is None else dict(rig.simulation.hand)
     if any(isinstance(getattr(hand, "reference", None), Policy) for hand in hands.values()):

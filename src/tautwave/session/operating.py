@@ -11,6 +11,7 @@ from tautwave.config.keys.key_codes import CODES
 from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly, BusWay
+from tautwave.rig.operated.leading import led_masters, with_hands
 from tautwave.rig.operated.operation import LOOK_HZ, operation_of
 from tautwave.rig.ways import Way
 from tautwave.runtime.carrying.side import SideLoad
@@ -79,7 +80,12 @@ def people_of(
     lines = [] if port is None else [TriggerLine(port.port, port.command or "")]
     look = max(1, round(rig.rate_hz / LOOK_HZ))
     sent: list[DeadMan] = [one for one in live if isinstance(one, Kept)]
-    leads = _leads(assembly)
+    led = None
+    if rig.operate.policy is not None:
+        led = led_masters(
+            rig, assembly.delays, [name for bus in assembly.buses for name in bus.axes]
+        )
+    leads = led or _leads(assembly)
     if leads is not None:
         scripts, live = ([Leading(one, leads) for one in some] for some in (scripts, live))
         sent.append(leads)
@@ -87,7 +93,7 @@ def people_of(
     dead_men = [*keys, *sent, *inputs]
     inbox = Inbox(rig.period_ns, look, scripts, [*live, *keys, *lines], dead_men)
     task = " ".join(rig.operate.task.split())
-    return People(inbox, lines, rig.operate.start == "engaged", task)
+    return People(inbox, lines, rig.operate.start == "engaged", task, led)
 
 
 def with_operation(
@@ -130,8 +136,15 @@ def _with_table(rig: Rig, assembly: Assembly, people: People) -> Assembly:
     control = OperatedControl(plain, operation_of(rig, plain, assembly.delays), people)
     control.loads = [one for one in assembly.sources if isinstance(one, SideLoad)]
     sources = [control, *assembly.sources[1:]]
+    if people.led is not None:
+        sources.append(people.led)
+        assembly = assembly._replace(buses=list(with_hands(assembly.buses, people.led)))
     columns = [*TIMING_COLUMNS, *(name for source in sources for name in source.columns)]
     return assembly._replace(control=control, sources=sources, columns=columns)
+
+
+def _axes(assembly: Assembly) -> list[str]:
+    return [name for bus in assembly.buses for name in bus.axes]
 
 
 def _leads(assembly: Assembly) -> Leads | None:

@@ -122,7 +122,8 @@ class Session:
     def lead(self, positions: Mapping[str, float]) -> None:
         """Send an action to the hands driven by a policy: positions of master axes, by pair.
 
-        The reference `type: policy` of a rig's hand defines how it is followed. After three
+        The rig's `operate.policy`, or the reference `type: policy` of a simulated master's hand,
+        defines how it is followed. While a person leads, it means nothing. After three
         consecutive frames without an action the rig holds until it is engaged again.
 
         Raises
@@ -139,6 +140,14 @@ class Session:
                 "nothing was sent, and the rig holds after three frames without an action"
             )
         self._send("lead " + " ".join(f"{name}={x!r}" for name, x in positions.items()))
+
+    def take_over(self) -> None:
+        """Let a person lead instead of the policy, in a rig with `operate.policy`."""
+        self._send("take_over")
+
+    def hand_back(self) -> None:
+        """Let the policy lead again, from where the master is."""
+        self._send("hand_back")
 
     def begin_episode(self, name: str, task: str = "") -> None:
         """Begin an episode.

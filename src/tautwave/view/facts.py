@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tautwave.config import Rig, SolidWall, local_wall
-from tautwave.runtime.operate.commands import EPISODE
+from tautwave.runtime.operate.commands import EPISODE, HAND_BACK, TAKE_OVER
 from tautwave.runtime.operate.journal import Journal
 from tautwave.runtime.operate.states import (
     AFTER_FAULT,
@@ -52,7 +52,9 @@ def commands_of(live: Live, rig: Rig) -> list[str]:
     """Return the words of the commands that a run takes."""
     if live.facts.get("mailbox") is None:
         return [STOP]
-    return [*BUTTONS, *([SCALE] if scales_of(rig) else []), EPISODE]
+    led = rig.operate is not None and rig.operate.policy is not None
+    others = [*([SCALE] if scales_of(rig) else []), *([TAKE_OVER, HAND_BACK] if led else [])]
+    return [*BUTTONS, *others, EPISODE]
 
 
 def scales_of(rig: Rig) -> list[float]:

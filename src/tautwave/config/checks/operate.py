@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from tautwave.config.keys.operate import Resting
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document
@@ -28,6 +30,8 @@ def check_operate(document: Document, parts: Parts) -> None:
                 document.report(
                     ("operate", key), f"with two sites, use sites.{key} instead; remove it"
                 )
+    if document.get(("operate", "policy")) is not None:
+        _check_policy(document, parts)
     if document.get(("loop", "engine")) == "compiled":
         document.report(("loop", "engine"), "an operated rig runs in plain Python: remove it")
     for name, bus in parts.buses.items():
@@ -43,6 +47,34 @@ def check_operate(document: Document, parts: Parts) -> None:
                 ("coupling", "pairs", name, "offset"),
                 "a velocity-controlled slave is not aligned: write at_engage "
                 f"(got {pair.offset:g})",
+            )
+
+
+def _check_policy(document: Document, parts: Parts) -> None:
+    """Note masters that a policy cannot lead by their own motors."""
+    key = ("operate", "policy")
+    if document.get(("sites",)) is not None:
+        document.report(key, "with two sites the master is led by a person; remove it")
+    hands = document.get(("simulation", "hand"))
+    for name in parts.pairs or {}:
+        axis = parts.axis("master", name)
+        if axis is None:
+            continue
+        if axis.causality != "impedance" or axis.follower is not None:
+            document.report(
+                key, f"master.{name} takes no effort, so its motor cannot lead it; remove it"
+            )
+        elif axis.velocity_limit is None:
+            document.report(
+                key, f"leading master.{name} needs its velocity_limit; add it, or remove this key"
+            )
+        hand = hands.get(name) if isinstance(hands, Mapping) else None
+        reference = hand.get("reference") if isinstance(hand, Mapping) else None
+        if isinstance(reference, Mapping) and reference.get("type") == "policy":
+            document.report(
+                key,
+                f"simulation.hand.{name} is led by a policy already, at a simulated master; "
+                "remove one of both",
             )
 
 

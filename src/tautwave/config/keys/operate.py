@@ -21,7 +21,8 @@ def _check_key(name: Any) -> Any:
 
 KeyName = Annotated[str, BeforeValidator(_check_key)]
 Word = Literal[
-    "toggle", "engage", "clutch", "hold", "rest", "stop", "episode", "success", "failed", "again"
+    "toggle", "engage", "clutch", "hold", "rest", "stop", "episode", "success", "failed", "again",
+    "take_over", "hand_back",
 ]  # fmt: skip
 
 
@@ -98,6 +99,28 @@ class Episodes(Block):
         return name
 
 
+class PolicyLead(Block):
+    """A program leads the real masters, each by its own motor, until a person takes over."""
+
+    fps: Positive = Field(
+        default=30.0,
+        description="[Hz] Actions per second; the rig holds after three missing in a row.",
+    )
+    velocity_share: Annotated[float, Field(gt=0, le=0.9)] = Field(
+        default=0.25,
+        description="Maximum speed of the led master, as a share of its velocity limit.",
+    )
+    effort_share: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.5,
+        description="Maximum effort that leads it, as a share of what its load leaves of its "
+        "effort limit; a person who holds the master feels no more.",
+    )
+    leader: Literal["policy", "person"] = Field(
+        default="policy",
+        description="Who leads first; `take_over` and `hand_back` change it while the rig runs.",
+    )
+
+
 class Operate(Resting):
     """A rig that people operate, by keys, a script or a program."""
 
@@ -123,6 +146,11 @@ class Operate(Resting):
     episodes: Episodes | None = Field(
         default=None,
         description="Begins and ends episodes by the clock while the rig is engaged.",
+    )
+    policy: PolicyLead | None = Field(
+        default=None,
+        description="Actions of a program lead the masters by their own motors; a person takes "
+        "over with `take_over`.",
     )
     trigger: Trigger | None = Field(
         default=None, description="Serial-port lines that signal episodes or give a command."

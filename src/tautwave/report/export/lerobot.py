@@ -34,7 +34,15 @@ from tautwave.report.export.lerobot_resume import (
     take_place,
 )
 from tautwave.report.export.lerobot_video import CHUNK, Camera
-from tautwave.report.export.signals import LEADER, SCALE, STATE, Signals, engaged, signals
+from tautwave.report.export.signals import (
+    INTERVENTION,
+    LEADER,
+    SCALE,
+    STATE,
+    Signals,
+    engaged,
+    signals,
+)
 from tautwave.report.units import plural
 
 FPS = 30
@@ -104,7 +112,7 @@ def _recorded(recording: Recording, velocities: bool) -> Signals:
         raise RecordingError(
             f"a LeRobot dataset needs master and slave of a coupled rig, but the run lacks {what}"
         )
-    return recorded
+    return recorded._replace(led=INTERVENTION in recording.columns)
 
 
 def frame_rows(
@@ -179,7 +187,8 @@ def export_dataset(runs: Sequence[Path], out: Path, choice: Choice) -> str:
     try:
         first = plans[0]
         names = {key: [one.name for one in each] for key, each in first.features.items()}
-        dataset = Dataset(draft, fps, first.robot, names, first.cameras, before)
+        led = any(one.led for one in plans)
+        dataset = Dataset(draft, fps, first.robot, names, first.cameras, before, led)
         left = LeftOut()
         for run, wanted in zip(runs, plans, strict=True):
             for frames, cut in _episodes_of(run, wanted, choice, fps):
@@ -224,7 +233,8 @@ def _episodes_of(
     """Give the frames of each episode, None of one that is left out, and what is."""
     cameras = [Camera.of_run(run, name) for name in wanted.cameras]
     recorded = read_recording(run, rows=slice(0, 1)).columns
-    columns = [*wanted.columns, *(one for one in (STATE, SCALE) if one in recorded)]
+    some = (STATE, SCALE, INTERVENTION)
+    columns = [*wanted.columns, *(one for one in some if one in recorded)]
     for episode in episodes(run):
         if episode.discarded:
             yield None, {"discarded": 1}
@@ -279,7 +289,8 @@ def _episodes_of(
             key: np.stack([one.of(row)[kept] for one in each], axis=1).astype(np.float32)
             for key, each in wanted.features.items()
         }
-        yield Frames(values, text, pictures, said_in_frames(episode.success)), cut
+        person = row[INTERVENTION][kept] != 0.0 if INTERVENTION in row else None
+        yield Frames(values, text, pictures, said_in_frames(episode.success), person), cut
 
 
 def longest_gap(kept: npt.NDArray[np.bool_]) -> int:
@@ -356,6 +367,7 @@ Observation: position, velocity and effort of the slave's axes. `{LEADER}`: the 
 its own coordinates. All are of one control cycle: the newest one not after k / {fps} s.{note}
 The force between hand and task is not part of an action; it is in the recordings.
 `success` is what was said of the episode: 1 success, 0 failed, -1 not said.
+`intervention`, where a policy led: a person leads this frame, as everywhere in a demonstration.
 
 | feature | name | of the recording's columns | unit |
 | --- | --- | --- | --- |

@@ -30,6 +30,7 @@ OWN = {
     "timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
     "task_index": "int64", "success": "int64",
 }  # fmt: skip
+INTERVENTION = "intervention"
 
 Floats = npt.NDArray[np.float32]
 
@@ -38,12 +39,14 @@ class Frames(NamedTuple):
     """An episode: values of each feature, shape (frames, signals), and what was done.
 
     `pictures` are a JPEG for each frame, by camera; `success` is 1, 0 for failed, -1 if not said.
+    `person`, shape (frames,), says where a person led and no policy; None: everywhere.
     """
 
     values: Mapping[str, Floats]
     task: str
     pictures: Mapping[str, Iterator[bytes]]
     success: int = -1
+    person: npt.NDArray[np.bool_] | None = None
 
 
 class Dataset:
@@ -64,6 +67,8 @@ class Dataset:
     before : Before, optional
         What the directory has already, instead of being empty: numbers, tasks and statistics
         continue, in new files.
+    led : bool
+        Whether a policy leads in some of the episodes: who does is a feature then.
 
     Raises
     ------
@@ -79,13 +84,16 @@ class Dataset:
         names: Mapping[str, Sequence[str]],
         cameras: Sequence[str] = (),
         before: Before | None = None,
+        led: bool = False,
     ) -> None:
         self._arrow, self._parquet = arrow_library()
         self._root, self._fps, self._robot = root, fps, robot
+        self._led = led or (before is not None and INTERVENTION in before.info["features"])
+        own = {**OWN, INTERVENTION: "bool"} if self._led else OWN
         self._features: dict[str, dict[str, Any]] = {
             key: {"dtype": "float32", "shape": [len(each)], "names": list(each)}
             for key, each in names.items()
-        } | {key: {"dtype": kind, "shape": [1], "names": None} for key, kind in OWN.items()}
+        } | {key: {"dtype": kind, "shape": [1], "names": None} for key, kind in own.items()}
         file = 0 if before is None else before.video_files
         keys = {name: f"observation.images.{name}" for name in cameras}
         self._videos = {name: Video(root, key, fps, file) for name, key in keys.items()}
@@ -128,6 +136,8 @@ class Dataset:
             "task_index": np.full(count, task),
             "success": np.full(count, episode.success),
         }
+        if self._led:
+            data[INTERVENTION] = np.ones(count, bool) if episode.person is None else episode.person
         self._write(data)
         chunk, file = divmod(self._file, CHUNK)
         self._rows.append(
@@ -186,7 +196,7 @@ class Dataset:
         fields, features = [], {}
         for key, feature in self._features.items():
             value = {"dtype": feature["dtype"], "_type": "Value"}
-            plain = arrow.float32() if feature["dtype"] == "float32" else arrow.int64()
+            plain = arrow.type_for_alias(feature["dtype"])
             if feature["names"] is None:
                 fields.append(arrow.field(key, plain))
                 features[key] = value

@@ -18,6 +18,7 @@ from tautwave.runtime.operate.states import ENGAGED, STATES
 
 STATE = "operation.state"
 SCALE = "operation.scale"
+INTERVENTION = "operation.intervention"
 TARGET = "target"
 """Last part of the column that a table gets: `slave.AXIS.target`."""
 LEADER = "leader"
@@ -73,6 +74,7 @@ class Signals(NamedTuple):
     """Signals of a dataset by feature, the columns that say whether a sample came, cameras.
 
     `valid` are columns that are 0 where an axis had no sample, and others keep what was before.
+    `led`: by a policy, until a person takes over.
     """
 
     robot: str
@@ -81,6 +83,7 @@ class Signals(NamedTuple):
     leader: tuple[Signal, ...]
     valid: tuple[str, ...]
     cameras: tuple[str, ...] = ()
+    led: bool = False
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -23,13 +23,19 @@ LEAD = "lead"
 PAYLOAD = "payload"
 """Has an arm take up a payload; `argument` is its name, after the side where both have some."""
 
-WORDS = (*COMMANDS, EPISODE, PAYLOAD)
+TAKE_OVER = "take_over"
+"""A person leads from now on, not the policy."""
+
+HAND_BACK = "hand_back"
+"""The policy leads again."""
+
+WORDS = (*COMMANDS, EPISODE, PAYLOAD, TAKE_OVER, HAND_BACK)
 TOGGLE = "toggle"
 ENDINGS = ("success", "failed", "again")
 """Words that stand for `episode WORD`: how the one that runs ends, or that the last is repeated."""
 KEYS = {
     " ": TOGGLE, "c": CLUTCH, "g": ENGAGE, "p": HOLD, "r": REST, "e": EPISODE, "q": STOP,
-    "s": "success", "f": "failed", "b": "again",
+    "s": "success", "f": "failed", "b": "again", "t": TAKE_OVER, "h": HAND_BACK,
 }  # fmt: skip
 """Keys of the terminal; the space bar engages and disengages."""
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from tautwave.runtime.operate.commands import DeadMan, Lamp, Order, Source, in_full
+from tautwave.runtime.operate.led import LedMasters
 
 
 class Inbox:
@@ -53,9 +54,11 @@ class People(NamedTuple):
     """What people give a rig and get from it: commands and dead-men, lamps.
 
     `engage_at_start`: the rig gives itself that command. `task`: of episodes that name none.
+    `led`: its masters, if a policy leads them.
     """
 
     inbox: Inbox
     lamps: Sequence[Lamp]
     engage_at_start: bool
     task: str = ""
+    led: LedMasters | None = None

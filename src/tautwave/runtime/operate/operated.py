@@ -20,11 +20,21 @@ from tautwave.runtime.carrying.side import SideLoad, take_payload
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate import states as st
 from tautwave.runtime.operate.books import Books
-from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order, unknown
+from tautwave.runtime.operate.commands import (
+    EPISODE,
+    HAND_BACK,
+    PAYLOAD,
+    TAKE_OVER,
+    TOGGLE,
+    WORDS,
+    Order,
+    unknown,
+)
 from tautwave.runtime.operate.constants import Operation
 from tautwave.runtime.operate.engagement import begin_session, drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
+from tautwave.runtime.operate.led import switched
 from tautwave.runtime.operate.rescaling import held_by, take_scale
 from tautwave.runtime.operate.rest.aligning import Alignment
 from tautwave.runtime.operate.rest.axis import resting, send_resting, sense_resting
@@ -66,7 +76,7 @@ class OperatedControl(CoupledControl):
         self.operation = operation
         self.standing = st.Standing()
         self.journal = Journal(people.task)
-        self.lamps, self.inbox = people.lamps, people.inbox
+        self.lamps, self.inbox, self.led = people.lamps, people.inbox, people.led
         self._engages = people.engage_at_start
         self._free = [resting(p) for p in plain.params]
         self.holds = Holds(plain.params, operation.quanta, operation.brakes)
@@ -100,7 +110,14 @@ class OperatedControl(CoupledControl):
     # -- one cycle --------------------------------------------------------------------------
 
     def step(self, slot: int, skipped: int) -> bool:
-        """Take commands, then run the coupling, or let the axes rest."""
+        """Take commands, then run the coupling, or let the axes rest; a policy leads beside it."""
+        going = self._control(slot, skipped)
+        if self.led is not None:
+            engaged = self.standing.state == st.ENGAGED
+            self.led.decide(self.axes, self.params, skipped, engaged=engaged)
+        return going
+
+    def _control(self, slot: int, skipped: int) -> bool:
         self._now = slot
         self._command = 0
         if self.state.kind in HOST_OR_SAMPLE and self.standing.state != st.STOPPING:
@@ -176,6 +193,9 @@ class OperatedControl(CoupledControl):
         elif word == PAYLOAD:
             text, refused = take_payload(self.loads, order.argument)
             self._note(word, order.source, text, refused=refused)
+        elif word in (TAKE_OVER, HAND_BACK):
+            text = switched(self.led, word)
+            self._note(word, order.source, text, refused=bool(text))
         elif word == st.STOP:
             self.stop_after(slot)
             self._note(word, order.source)

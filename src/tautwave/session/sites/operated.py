@@ -18,7 +18,16 @@ from tautwave.controller.run import forget_stop
 from tautwave.controller.stops import stop_error
 from tautwave.runtime.carrying.side import SideLoad, take_payload
 from tautwave.runtime.operate import states as st
-from tautwave.runtime.operate.commands import EPISODE, PAYLOAD, TOGGLE, WORDS, Order, unknown
+from tautwave.runtime.operate.commands import (
+    EPISODE,
+    HAND_BACK,
+    PAYLOAD,
+    TAKE_OVER,
+    TOGGLE,
+    WORDS,
+    Order,
+    unknown,
+)
 from tautwave.runtime.operate.engagement import drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
@@ -151,6 +160,8 @@ class OperatedSite(SiteControl):
                 "scale: not available with two sites: both ends would have "
                 "to change in the same slot"
             )
+        if word in (TAKE_OVER, HAND_BACK):
+            return f"{word}: not available with two sites: no policy leads their master"
         if word == EPISODE:
             return self.journal.misplaced(argument, self.standing.state)
         resets = word == st.REST and self._suspect

@@ -1,0 +1,274 @@
+"""Real masters that a policy leads: each by its own motor, until a person takes over.
+
+The hand is an effort beside the coupling's, as a load's is. The coupling sees one device that
+moves on from where it is, whoever leads it: nothing jumps, and nothing is switched but the grip.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tautwave.contracts import Driver, Row
+from tautwave.controller.records import AxisParams, AxisState
+from tautwave.laws.lead import HandParams, LeadParams, hand_effort, hand_room
+from tautwave.laws.rest.alignment import is_spent
+from tautwave.runtime.operate.commands import TAKE_OVER
+from tautwave.runtime.operate.lead import Lead, Leads
+from tautwave.types import SAFE_COMMAND, AxisCommand
+from tautwave.wrapper import DriverWrapper
+
+PERSON, POLICY = "person", "policy"
+
+
+class LedAxis(NamedTuple):
+    """One master that is led: the pair's name, the axis' place among all, and its constants.
+
+    The limit of speed rises with `acceleration` [rad/s2 or m/s2] from 0 when the policy begins to
+    lead: its actions may be far from where the master is. `delay` is the command's, in whole
+    periods, and `late` the remainder as a share of one; `period` [s] is one slot.
+    """
+
+    pair: str
+    which: int
+    lead: LeadParams
+    hand: HandParams
+    acceleration: float
+    delay: int
+    late: float
+    period: float
+
+
+class MotorHand(Lead):
+    """The hand that one master's motor plays, and its books.
+
+    Attributes
+    ----------
+    effort : float
+        On the device in the present period, along its position [N m or N].
+    given : float
+        Given to the device beyond what the reference has brought, so far [J].
+    """
+
+    def __init__(self, axis: LedAxis) -> None:
+        super().__init__(axis.lead, 0.0, axis.period)
+        self.axis = axis
+        self.effort = 0.0
+        self.given = 0.0
+        self._since = 0.0  # `given` when this engagement began
+        self._grip = 0.0
+        self._rate = 0.0
+        self._loose = 0  # periods since the grip was gone
+        self._leads = False
+        self._waiting = deque([0.0] * axis.delay)
+        self._acted = 0.0
+        self._sum, self._slots = 0.0, 0
+        self._seen: tuple[float, float] | None = None
+        self._armed = False
+        self._beside = 0.0  # the controller's own effort in the period before
+
+    @property
+    def reference(self) -> float:
+        """Where it wants to be [rad or m]."""
+        return self._reference
+
+    @property
+    def stale(self) -> bool:
+        """Whether it leads, and actions that came do so no more, or it may give no more."""
+        p = self.axis.hand
+        spent = is_spent(p.law, self.given - self._since, p.allowance)
+        return self._leads and (super().stale or spent)
+
+    def want(self, position: float) -> None:
+        """Take an action [rad or m]; while a person leads, or nobody does, it means nothing."""
+        if self._leads:
+            super().want(position)
+
+    def begin(self) -> None:
+        """Begin another engagement, with the allowance of one."""
+        self._since = self.given
+
+    def decide(self, s: AxisState, p: AxisParams, skipped: int, *, leads: bool) -> None:
+        """Book what acted until this slot, and decide the effort of the next period."""
+        self._close(s, skipped + 1)
+        if leads and not self._leads:  # it takes hold where the device is, so without strain
+            self._reference = self._goal = s.position
+            self._age, self._left, self._grip = None, 0.0, 1.0
+            self._params = self.axis.lead._replace(velocity=0.0)
+        self._leads = leads
+        if leads:
+            if self._age is not None:
+                self._quicken(skipped + 1)
+            _, self._rate = self.aim(s.position)
+            self._loose = 0
+        else:
+            self._let_go(s.position)
+        if s.dead:
+            self.effort = 0.0
+        elif s.valid:
+            hand = self.axis.hand
+            bound = max(p.site.limit.effort, abs(s.command))
+            self.effort = hand_effort(
+                hand,
+                self._grip,
+                self._reference,
+                self._rate,
+                s.position,
+                s.velocity,
+                self.given - self._since,
+                hand_room(hand, bound, s.command, self._beside, self.effort),
+            )
+        self._beside = s.command
+        self._armed = True
+
+    def _let_go(self, position: float) -> None:
+        """Lose the grip, and come to rest with it; without one, be where the device is."""
+        release = self.axis.hand.release
+        if self._grip > release:
+            self._rate *= 1.0 - release / self._grip
+            self._grip -= release
+            self._reference += self._rate * self._period
+        else:
+            self._grip = self._rate = 0.0
+        self._loose = 0 if self._grip or self.effort else self._loose + 1
+        if self._loose > self.axis.delay + 1:
+            self._reference = position
+
+    def _quicken(self, slots: int) -> None:
+        """Let the reference be faster, up to its own limit."""
+        lead, now = self.axis.lead, self._params.velocity
+        if now < lead.velocity:
+            now += self.axis.acceleration * slots * self._period
+            self._params = lead._replace(velocity=min(now, lead.velocity))
+
+    def send(self) -> float:
+        """Return the effort to send in this slot, once: what was not decided anew is not sent."""
+        armed, self._armed = self._armed, False
+        return self.effort if armed else 0.0
+
+    def rest(self) -> None:
+        """Nothing is sent to the device: it gets its safe command."""
+        self.effort = 0.0
+        self._armed = False
+
+    def _close(self, s: AxisState, slots: int) -> None:
+        """Take the energy of the periods since the last sample from effort and displacement."""
+        late = self.axis.late
+        for _ in range(slots):
+            effort = self.effort
+            if self._waiting:
+                self._waiting.append(effort)
+                effort = self._waiting.popleft()
+            self._sum += late * self._acted + (1.0 - late) * effort
+            self._acted = effort
+        self._slots += slots
+        if not s.valid:
+            return
+        if self._seen is not None:
+            moved, brought = s.position - self._seen[0], self._reference - self._seen[1]
+            self.given += self._sum / self._slots * (moved - brought)
+        self._seen = s.position, self._reference
+        self._sum, self._slots = 0.0, 0
+
+
+class LedMasters(Leads):
+    """All masters of a rig that a policy leads, and who does; a row source.
+
+    As a dead-man, it is let go when actions stop coming while the policy leads.
+
+    Parameters
+    ----------
+    axes : sequence of LedAxis
+        The masters.
+    leader : str
+        Who leads first: `policy` or `person`.
+    """
+
+    def __init__(self, axes: Sequence[LedAxis], leader: str) -> None:
+        self.hands = [MotorHand(axis) for axis in axes]
+        super().__init__({hand.axis.pair: hand for hand in self.hands})
+        self._person = leader == PERSON
+        self._coupled = False
+        self.columns = ["operation.intervention"]
+        for axis in axes:
+            self.columns += [f"policy.{axis.pair}.{what}" for what in ("reference", "effort")]
+            self.columns.append(f"policy.{axis.pair}.given")
+
+    def held(self) -> bool:
+        """Return whether a person leads, or every hand that was led still is."""
+        return self._person or super().held()
+
+    def switch(self, word: str) -> str:
+        """Let the other one lead; return why not, or ''."""
+        person = word == TAKE_OVER
+        if person == self._person:
+            return f"{word}: the {PERSON if person else POLICY} leads already"
+        self._person = person
+        return ""
+
+    def decide(
+        self,
+        axes: Sequence[AxisState],
+        params: Sequence[AxisParams],
+        skipped: int,
+        *,
+        engaged: bool,
+    ) -> None:
+        """Decide the efforts of the next period; a policy leads only an `engaged` rig."""
+        for hand in self.hands:
+            if engaged and not self._coupled:
+                hand.begin()
+            which = hand.axis.which
+            leads = engaged and not self._person
+            hand.decide(axes[which], params[which], skipped, leads=leads)
+        self._coupled = engaged
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write who leads; by master where it is led to, the effort, and what was given."""
+        row[at] = float(self._person)
+        at += 1
+        for hand in self.hands:
+            row[at] = hand.reference
+            row[at + 1] = hand.effort
+            row[at + 2] = hand.given
+            at += 3
+
+
+def switched(led: LedMasters | None, word: str) -> str:
+    """Do what `take_over` or `hand_back` asks for; return why not, or ''."""
+    if led is None:
+        return f"{word}: no policy leads this rig's master; add `operate.policy` to the rig"
+    return led.switch(word)
+
+
+class LedDriver(DriverWrapper):
+    """A driver whose axes are led: the hands' efforts go beside the controller's.
+
+    Parameters
+    ----------
+    driver : Driver
+        The driver.
+    hands : sequence
+        Per axis of the driver its hand, None without one.
+    """
+
+    def __init__(self, driver: Driver, hands: Sequence[MotorHand | None]) -> None:
+        super().__init__(driver)
+        self._hands = hands
+
+    def write(self, commands: Sequence[AxisCommand]) -> None:
+        """Add the hands to the commands; a safe command stays what it is."""
+        sent = []
+        for command, hand in zip(commands, self._hands, strict=True):
+            if hand is None:
+                sent.append(command)
+            elif command is SAFE_COMMAND:
+                hand.rest()
+                sent.append(command)
+            else:
+                effort = command.effort + hand.send()
+                sent.append(
+                    AxisCommand(effort, command.velocity, command.position, command.damping)
+                )
+        self._driver.write(sent)
