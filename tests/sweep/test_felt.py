@@ -1,4 +1,4 @@
-"""What a hand felt in a simulation of a sweep, and the figure with a column for each contact."""
+"""What a hand felt in a simulation of a sweep, and the figure with a panel for each question."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from tautwave.analysis.felt import FELT, felt_measures
 from tautwave.errors import ConfigError
-from tautwave.report.figures.across import across_drawing, looks_of
+from tautwave.report.figures.sweep import curves_of, sweep_drawing
 from tautwave.sweep.file import Figure, load_sweep
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "sweeps" / "compare-couplings.yaml"
@@ -51,7 +51,8 @@ def test_without_a_contact_no_stiffness_is_rendered() -> None:
 
 def test_a_figure_and_a_case_name_what_there_is(tmp_path: Path) -> None:
     text = SHIPPED.read_text().replace("../", f"{SHIPPED.parents[1]}/")
-    text = text.replace("across: simulation", "across: simulatio")
+    text = text.replace("where: {simulation.", "where: {simulatio.", 1)
+    text = text.replace("cases: [wave, position,", "cases: [wave, positio,", 1)
     text = text.replace("beside: position_force", "beside: position_forc")
     file = tmp_path / "wrong.yaml"
     file.write_text(text)
@@ -59,62 +60,74 @@ def test_a_figure_and_a_case_name_what_there_is(tmp_path: Path) -> None:
         load_sweep(file)
     said = "\n".join(err.value.problems)
     assert "does not vary 'simulatio.environment.lever'" in said
-    assert "there is no such case" in said
+    assert said.count("there is no such case") == 2
 
 
 @pytest.mark.slow
-def test_the_shipped_comparison_is_valid_and_its_figure_has_a_column_for_each_contact() -> None:
+def test_the_shipped_comparison_asks_a_question_in_each_panel_and_answers_it() -> None:
     plan = load_sweep(SHIPPED)
+    figure = plan.sweep.figure
     assert len(plan.points.firsts()) == len(plan.sweep.cases)
-    looks = looks_of(plan.sweep)
-    assert looks["position"].colour == looks["position_bare"].colour
-    assert looks["position_bare"].dashed
-    assert not looks["position"].dashed
+    assert figure is not None
+    assert all(panel.title.endswith("?") for panel in figure.panels)
     rows = [
         {**plan.points.row(at), **dict.fromkeys(plan.sweep.measures, "0.1")}
-        for at in range(0, len(plan.points), 7)  # 7 divides the length of no key: all values come
+        for at in range(len(plan.points))
     ]
-    assert plan.sweep.figure is not None
-    drawn = across_drawing(plan.sweep, plan.sweep.figure, rows)
-    assert len(drawn.axes) >= 4 * len(plan.sweep.figure.panels)
+    curves = {curve.case: curve for curve in curves_of(plan.sweep, figure, rows)}
+    assert curves["position"].colour == curves["position_bare"].colour
+    assert curves["position_bare"].dashed
+    assert not curves["position"].dashed
+    drawn = sweep_drawing(figure, list(curves.values()))
+    delays = len(plan.sweep.grid["link.delay_s"])
+    for axis, panel in zip(drawn.axes, figure.panels, strict=False):
+        points = [len(line.get_xdata()) for line in axis.lines if len(line.get_xdata()) > 2]
+        assert points == [delays] * len(panel.cases)
 
 
-def test_each_curve_of_a_figure_has_the_points_of_its_case_column_and_condition() -> None:
+def test_each_curve_of_a_panel_has_the_points_of_its_case_and_condition() -> None:
     figure = Figure.model_validate_json(json.dumps(
         {
             "title": "Delays", "x": "delay", "label": "delay [ms]", "factor": 1000.0,
-            "across": "wall", "labels": ["free"], "where": {"loss": 0}, "marked": {"loss": 0.5},
-            "panels": [{"measures": ["energy_made"], "label": "error [rad]"}],
+            "columns": 2, "where": {"loss": 0},
+            "panels": [
+                {"measures": ["energy_made"], "label": "[J]", "where": {"wall": "none"}},
+                {"measures": ["energy_made"], "label": "[J]", "scale": "log", "cases": ["two"],
+                 "where": {"wall": "rigid", "loss": 0.5}},
+                {"measures": ["energy_made"], "label": "[J]", "where": {"wall": "foam"}},
+            ],
         }
     ))  # fmt: skip
     case = SimpleNamespace(label=None, beside=None)
     cases = {"one": case, "two": SimpleNamespace(label="bare", beside="one")}
     sweep = SimpleNamespace(name="s", cases=cases)
 
-    def error(case: str, wall: str, loss: float, delay: float) -> float:
+    def energy(case: str, wall: str, loss: float, delay: float) -> float:
         return (case == "two") + 10.0 * (wall == "rigid") + 100.0 * loss + delay
 
     rows = [
         {"case": name, "wall": wall, "loss": repr(loss), "delay": repr(delay),
-         "energy_made": repr(error(name, wall, loss, delay))}
+         "energy_made": repr(energy(name, wall, loss, delay))}
         for delay in (0.2, 0.1)
         for name in cases
         for wall in ("none", "rigid")
         for loss in (0.0, 0.5)
     ]  # fmt: skip
-    drawn = across_drawing(sweep, figure, [*rows, {**rows[0], "delay": "0.3", "energy_made": ""}])
-    assert len(drawn.axes) == 2
-    assert drawn.axes[0].get_ylim() == drawn.axes[1].get_ylim()
-    for axis, wall in zip(drawn.axes, ("none", "rigid"), strict=True):
-        curves = [line for line in axis.lines if len(line.get_xdata())]
-        for name, line, marks in zip(cases, curves[::2], curves[1::2], strict=True):
-            for curve, loss in ((line, 0.0), (marks, 0.5)):
-                assert list(curve.get_xdata()) == [100.0, 200.0]
-                wanted = [error(name, wall, loss, delay) for delay in (0.1, 0.2)]
-                assert list(curve.get_ydata()) == pytest.approx(wanted)
-            assert (line.get_linestyle() == "--") is (name == "two")
-            assert line.get_label() == ("bare" if name == "two" else "one")
-            assert marks.get_linestyle() == "None"
-            assert line.get_linewidth() == (1.0 if name == "two" else 1.5)
-            hollow = marks.get_markerfacecolor() != marks.get_color()
-            assert hollow is (name == "two")
+    unseen = [{**rows[0], "delay": "0.3", "energy_made": ""},
+              {**rows[-1], "delay": "0.3", "energy_made": "-1.0"}]  # fmt: skip
+    drawn = sweep_drawing(figure, curves_of(sweep, figure, [*rows, *unseen]))
+    free, rigid, empty, *rest = drawn.axes
+    assert not any(axis.axison for axis in rest)
+    assert not [line for line in empty.lines if len(line.get_xdata()) and line.get_marker() == "o"]
+    assert {axis.get_xlabel() for axis in (rigid, empty)} == {"delay [ms]"}
+    for axis, wanted in (
+        (free, {"-": ("one", "none", 0.0), "--": ("two", "none", 0.0)}),
+        (rigid, {"--": ("two", "rigid", 0.5)}),
+    ):
+        shown = {line.get_linestyle(): line for line in axis.lines if len(line.get_xdata()) == 2
+                 and list(line.get_ydata()) != [0.0, 0.0]}  # fmt: skip
+        assert set(shown) == set(wanted)
+        for style, line in shown.items():
+            assert list(line.get_xdata()) == [100.0, 200.0]
+            energies = [energy(*wanted[style], delay) for delay in (0.1, 0.2)]
+            assert list(line.get_ydata()) == pytest.approx(energies)

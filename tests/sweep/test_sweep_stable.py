@@ -85,7 +85,7 @@ def test_a_stable_rig_whose_hand_moves_more_in_the_second_half_is_stable() -> No
 
 def test_what_is_not_judged_is_said() -> None:
     rows = [{"x": "1", "stable": "nan"}, {"x": "2", "stable": "1.0"}]
-    curve = Curve("wave", "black", "o", [1.0, 2.0], rows)
+    curve = Curve("wave", "wave", "black", "o", False, [1.0, 2.0], rows)
     figure = type("Figure", (), {"label": "K [N m/rad]"})()
     [(_, said)] = stability_sentences(curve, figure)
     assert said == "wave: 1 of 2 not judged: the hand does not come to rest."

@@ -66,6 +66,10 @@ class Panel(Block):
         default=1.0, description="symlog: linear between plus and minus this value."
     )
     range: tuple[float, float] | None = Field(default=None, description="Its limits.")
+    cases: tuple[Name, ...] = Field(default=(), description="Cases that it shows; default: all.")
+    where: dict[str, Any] = Field(
+        default_factory=dict, description="As that of the figure, whose values it replaces."
+    )
     mark_stability: bool = Field(
         default=False, description="Mark where each case changes between stable and unstable."
     )
@@ -80,18 +84,14 @@ class Figure(Block):
     factor: Positive = Field(default=1.0, description="Display factor of the key.")
     scale: Literal["linear", "log"] = Field(default="linear", description="Its scale.")
     panels: Annotated[tuple[Panel, ...], Field(min_length=1)] = Field(
-        description="From top to bottom."
+        description="In reading order."
     )
     notes: tuple[str, ...] = Field(default=(), description="Lines of text below: assumptions.")
-    across: str | None = Field(default=None, description="Key with one column of panels per value.")
-    labels: tuple[str, ...] = Field(
-        default=(), description="Headings of those columns; default: the values."
+    columns: Annotated[int, Field(ge=1, le=4)] = Field(
+        default=1, description="Panels side by side; above 1 they have one legend."
     )
     where: dict[str, Any] = Field(
-        default_factory=dict, description="Only points with these values are drawn as lines."
-    )
-    marked: dict[str, Any] = Field(
-        default_factory=dict, description="Points with these values are drawn as lone markers."
+        default_factory=dict, description="Only points with these values are drawn."
     )
 
 
@@ -223,6 +223,11 @@ def _check(document: Document, sweep: Sweep) -> None:
     if total > GREATEST:
         document.report((), f"{total} points are more than {GREATEST}")
     for at, panel in enumerate(sweep.figure.panels if sweep.figure else ()):
+        for index, name in enumerate(panel.cases):
+            if name not in sweep.cases:
+                here = ("figure", "panels", at, "cases", index)
+                hint = nearest(name, list(sweep.cases))
+                document.report(here, f"there is no such case{hint}")
         for index, measure in enumerate(panel.measures):
             if measure not in sweep.measures:
                 document.report(
@@ -237,11 +242,11 @@ def _figure_keys(sweep: Sweep) -> Iterator[tuple[KeyPath, str]]:
     if figure is None:
         return
     yield ("x",), figure.x
-    if figure.across is not None:
-        yield ("across",), figure.across
-    for word in ("where", "marked"):
-        for key in getattr(figure, word):
-            yield (word, key), key
+    for key in figure.where:
+        yield ("where", key), key
+    for at, panel in enumerate(figure.panels):
+        for key in panel.where:
+            yield ("panels", at, "where", key), key
 
 
 def _check_points(document: Document, sweep: Sweep, points: Points) -> None:

@@ -22,13 +22,14 @@ from tautwave.canvas import (
     SOFT,
     WALL,
     heading,
+    key,
     legend,
     panels,
     plain,
     save_figure,
     text_panel,
 )
-from tautwave.report.figures.across import write_across_figure
+from tautwave.config.guard import parse_json
 from tautwave.report.units import significant
 
 if TYPE_CHECKING:
@@ -47,13 +48,24 @@ Row = Mapping[str, str]
 
 
 class Curve(NamedTuple):
-    """One case: its label and its rows in the order of the horizontal axis."""
+    """One case: its name, label and look, and its rows in the order of the horizontal axis."""
 
+    case: str
     label: str
     colour: str
     marker: str
+    dashed: bool
     x: list[float]
     rows: list[Row]
+
+    def of(self, figure: Figure, panel: Panel) -> Curve:
+        """Return the points of it that a panel shows."""
+        where = {**figure.where, **panel.where}
+        shown = [all(_is(row[one], value) for one, value in where.items()) for row in self.rows]
+        return self._replace(
+            x=[x for x, show in zip(self.x, shown, strict=True) if show],
+            rows=[row for row, show in zip(self.rows, shown, strict=True) if show],
+        )
 
 
 class Change(NamedTuple):
@@ -67,8 +79,6 @@ def write_sweep_figure(sweep: Sweep, rows: Sequence[Row], out: Path) -> Path | N
     """Draw `rows` into `out`/sweep.png, .svg and .pdf; None without a figure or points."""
     if sweep.figure is None:
         return None
-    if sweep.figure.across is not None:
-        return write_across_figure(sweep, sweep.figure, rows, out) if rows else None
     curves = curves_of(sweep, sweep.figure, rows)
     if not curves:
         return None
@@ -76,18 +86,21 @@ def write_sweep_figure(sweep: Sweep, rows: Sequence[Row], out: Path) -> Path | N
 
 
 def curves_of(sweep: Sweep, figure: Figure, rows: Sequence[Row]) -> list[Curve]:
-    """Return one curve per case that has points."""
+    """Return one curve per case that has points; one beside another has its colour, and dashes."""
     names = list(sweep.cases) or [""]
+    own = [name for name in names if name not in sweep.cases or sweep.cases[name].beside is None]
     curves = []
-    for at, name in enumerate(names):
+    for name in names:
         case = sweep.cases.get(name)
         label = sweep.name if case is None else case.label or name
+        beside = None if case is None else case.beside
+        at = own.index(beside or name) if (beside or name) in own else 0
         mine = [row for row in rows if row["case"] == name and _value(row, figure.x) is not None]
         mine.sort(key=lambda row: float(row[figure.x]))
         if mine:
             x = [figure.factor * float(row[figure.x]) for row in mine]
             colour, marker = COLOURS[at % len(COLOURS)], MARKERS[at % len(MARKERS)]
-            curves.append(Curve(label, colour, marker, x, mine))
+            curves.append(Curve(name, label, colour, marker, beside is not None, x, mine))
     return curves
 
 
@@ -95,22 +108,34 @@ def sweep_drawing(figure: Figure, curves: Sequence[Curve]) -> Drawing:
     """Return the figure: its panels, with the findings and assumptions as text below."""
     lines = [line for curve in curves for line in stability_sentences(curve, figure)]
     lines += [(SOFT, note) for note in figure.notes]
-    count = len(figure.panels)
-    drawing, axes = panels([2.2] * count + [0.1], figure.title, [True] * count + [False])
+    count, columns = len(figure.panels), figure.columns
+    rows = -(-count // columns)
+    heights = [2.2 if columns == 1 else 1.7] * rows + [0.1]
+    share = [True] * (rows * columns) + [False] * columns
+    drawing, axes = panels(heights, figure.title, share, columns=columns)
     for panel, keys in zip(axes, figure.panels, strict=False):
         _draw_panel(panel, keys, figure, curves)
-    axes[count - 1].set_xlabel(plain(figure.label))
-    text_panel(axes[-1], lines)
+        if columns == 1:
+            legend(panel)
+    if columns > 1:
+        key(drawing)
+    for lowest in axes[count - columns : count]:
+        lowest.tick_params(labelbottom=True)
+        lowest.set_xlabel(plain(figure.label))
+    for empty in axes[count:]:
+        empty.set_axis_off()
+    text_panel(axes[rows * columns], lines)
     return drawing
 
 
 def _draw_panel(axes: Axes, keys: Panel, figure: Figure, curves: Sequence[Curve]) -> None:
+    low, high = min(min(c.x) for c in curves), max(max(c.x) for c in curves)
+    curves = [one.of(figure, keys) for one in curves if not keys.cases or one.case in keys.cases]
     axes.set_xscale(figure.scale)
     if keys.scale == "symlog":
         axes.set_yscale("symlog", linthresh=keys.linear_to)
     else:
         axes.set_yscale(keys.scale)
-    low, high = min(min(c.x) for c in curves), max(max(c.x) for c in curves)
     if figure.scale == "log":
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_xlim(low / 1.06, high * 1.06)
@@ -120,11 +145,12 @@ def _draw_panel(axes: Axes, keys: Panel, figure: Figure, curves: Sequence[Curve]
         axes.axhline(0.0, color=EDGE, linewidth=0.8, zorder=1.5)
     predicted = [name for name in keys.measures if name.startswith("predicted_")]
     simulated = [name for name in keys.measures if name not in predicted]
+    above = 0.0 if keys.scale == "log" else -math.inf
     for curve in curves:
         for measure in predicted:
-            axes.plot(*_known(curve, measure), **_line(curve))
+            axes.plot(*_known(curve, measure, above), **_line(curve))
         for measure in simulated:
-            axes.plot(*_known(curve, measure), **_markers(curve, joined=not predicted))
+            axes.plot(*_known(curve, measure, above), **_markers(curve, joined=not predicted))
         style = _markers(curve, joined=not predicted) if simulated else {}
         both = {**style, **(_line(curve) if predicted else {})}
         axes.plot([], [], **both, label=plain(curve.label))
@@ -142,7 +168,6 @@ def _draw_panel(axes: Axes, keys: Panel, figure: Figure, curves: Sequence[Curve]
         _mark_stability(axes, curves, figure)
     heading(axes, plain(keys.title))
     axes.set_ylabel(plain(keys.label))
-    legend(axes)
 
 
 def _mark_stability(axes: Axes, curves: Sequence[Curve], figure: Figure) -> None:
@@ -174,26 +199,30 @@ def _mark_stability(axes: Axes, curves: Sequence[Curve], figure: Figure) -> None
 
 
 def _line(curve: Curve) -> dict[str, Any]:
-    return {"color": curve.colour, "linewidth": 1.6, "linestyle": "-"}
+    return {
+        "color": curve.colour,
+        "linewidth": 1.6,
+        "linestyle": (0, (3, 2)) if curve.dashed else "-",
+    }
 
 
 def _markers(curve: Curve, *, joined: bool) -> dict[str, Any]:
     return {
         "color": curve.colour,
-        "marker": curve.marker,
+        "marker": "" if curve.dashed and joined else curve.marker,
         "markerfacecolor": PAPER,
         "markeredgewidth": 1.2,
         "markersize": 4.5,
-        "linestyle": "-" if joined else "none",
-        "linewidth": 0.8,
+        "linestyle": ((0, (3, 2)) if curve.dashed else "-") if joined else "none",
+        "linewidth": 1.2 if curve.dashed else 0.8,
         "zorder": 3,
     }
 
 
-def _known(curve: Curve, measure: str) -> tuple[list[float], list[float]]:
-    """Return the points of a curve where a measure has a value."""
+def _known(curve: Curve, measure: str, above: float) -> tuple[list[float], list[float]]:
+    """Return the points of a curve where a measure has a value that its axis can show."""
     pairs = [(x, _value(row, measure)) for x, row in zip(curve.x, curve.rows, strict=True)]
-    known = [(x, value) for x, value in pairs if value is not None]
+    known = [(x, value) for x, value in pairs if value is not None and value > above]
     return [x for x, _ in known], [value for _, value in known]
 
 
@@ -252,6 +281,14 @@ def _ranges(changes: Sequence[Change], unit: str) -> str:
         word = "stable again" if change.stable else "unstable"
         parts.append(f"{word} from {significant(change.x)} {unit}".rstrip())
     return ", ".join(parts)
+
+
+def _is(text: str, wanted: Any) -> bool:
+    """Return whether a row's text stands for a value; 0 and 0.0 are the same one."""
+    try:
+        return bool(wanted in (text, parse_json(text)))
+    except ValueError:
+        return bool(wanted == text)
 
 
 def _value(row: Row, name: str) -> float | None:
