@@ -56,6 +56,8 @@ SAVE = 0x65766173
 COMMUNICATION = tuple(value for value in list(globals().values()) if isinstance(value, Entry))
 """Every object of this module but those of the PDOs, by index."""
 
+RESERVED = _entry(0x0FFF, 0, "U32", "reserved object", "", "no device has it")
+
 COB_ID_INVALID = 1 << 31
 """Bit of a PDO's COB-ID while the PDO does not exist."""
 COB_ID_NO_RTR = 1 << 30

@@ -109,6 +109,40 @@ def test_an_object_that_cannot_be_read_now_does_not_pass_as_absent(code: int) ->
     )
 
 
+@pytest.mark.parametrize("index", [0x607E, 0x60B2])
+@pytest.mark.parametrize("code", [0x06010001, 0x08000000, 0x05040001, 0x06070010, 0xFF000001])
+def test_an_object_that_is_kept_unread_does_not_pass_as_absent(index: int, code: int) -> None:
+    """A polarity, or a torque beside the target, that the drive has and does not tell."""
+
+    def refuse(**asked: Any) -> None:
+        if asked["index"] == index:
+            raise canopen.SdoAbortedError(code)
+
+    rig = foreign({(0x607E, 0): 0, (0x60B2, 0): 300})
+    _callbacks(rig.drive).insert(0, refuse)
+    said = rig.refused()
+    assert f"does not read {index:04X}:00" in said
+    assert f"0x{code:08X}" in said
+    assert said.endswith("; use firmware that lets it be read, or lacks it")
+
+
+@pytest.mark.parametrize("code", [0x08000000, 0x06010000, 0xFF000001])
+def test_a_drive_may_have_its_own_word_for_what_it_lacks(code: int) -> None:
+    """It says the same of an object that no drive has."""
+
+    rig = foreign()
+    held = rig.drive.node.get_data
+
+    def get(index: int, subindex: int, **rest: Any) -> Any:
+        if (index, subindex) not in rig.drive.values:
+            raise canopen.SdoAbortedError(code)
+        return held(index, subindex, **rest)
+
+    rig.drive.node.get_data = get  # type: ignore[method-assign]
+    rig.enable()
+    rig.driver.close()
+
+
 @pytest.mark.parametrize("at", [0x6072, 0x1016, 0x60FF])
 def test_a_drive_that_restarts_while_it_is_set_up_is_not_enabled(at: int) -> None:
     """It has kept its PDOs, but forgotten the limit of its torque and its watchdog."""

@@ -209,6 +209,7 @@ class RemoteDrive:
         self.name = name
         self.silences = 0
         """Requests that got no response and were repeated."""
+        self._absent: int | None = None
         self.settings = DeviceSettings(name, self.number, self.write, loans=loans)
         self._net = net
         self._node = net.add_node(canopen.RemoteNode(node_id, built_in_dictionary()))
@@ -272,8 +273,11 @@ class RemoteDrive:
         value = self.read(entry)
         return value if isinstance(value, int) else 0
 
-    def find(self, entry: Entry) -> int | None:
+    def find(self, entry: Entry, *, surely: bool = False) -> int | None:
         """Return an object's value, None where the drive does not have it.
+
+        `surely`: where it aborts in other words than that it has no such object, it may have it. It
+        is absent all the same if it says the same of one that no drive has.
 
         Raises
         ------
@@ -285,7 +289,22 @@ class RemoteDrive:
         except AbortError as err:
             if err.code in NOT_NOW:
                 raise
+            if surely and err.code not in NO_OBJECT and err.code != self._absence():
+                raise AbortError(
+                    f"{err}; what it holds there changes what is sent or read, and cannot be "
+                    "compared; use firmware that lets it be read, or lacks it",
+                    err.code,
+                ) from err
             return None
+
+    def _absence(self) -> int | None:
+        """Return the code with which the drive aborts a read of what no drive has."""
+        if self._absent is None:
+            try:
+                self.number(communication.RESERVED)
+            except AbortError as err:
+                self._absent = err.code
+        return self._absent
 
     def find_text(self, entry: Entry) -> str | None:
         """Return a text object's value, None where the drive does not have it or has no end."""

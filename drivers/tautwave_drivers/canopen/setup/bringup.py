@@ -153,7 +153,7 @@ def prepare(
     notes += _map(drive, axis, options, bus)
     notes += _homing(drive, axis)
     for target in ZEROED:
-        if drive.find(target):
+        if drive.find(target, surely=True):
             remedy = "a leftover target would act as soon as the drive is enabled"
             require(drive, target, 0, remedy, Lasts.POWER)
     drive.write(o.MODE, axis.mode)  # no setting: the cycle commands it, and 6061h shows it

@@ -78,10 +78,10 @@ def check_meaning(drive: RemoteDrive, axis: Axis, master_id: int) -> list[str]:
     Raises
     ------
     DeviceFault
-        A number would mean something else than in the rig.
+        A number would mean something else than in the rig, or the drive does not tell.
     """
     read = {
-        entry: drive.find(entry) if uses(axis) or entry not in OF_VELOCITY else None
+        entry: drive.find(entry, surely=True) if uses(axis) or entry not in OF_VELOCITY else None
         for entry in ENTRIES
     }
     notes = []
