@@ -25,6 +25,12 @@ def sending(port: FramePort) -> Callable[[Sequence[tuple[int, bytes]]], int]:
     return send_all if send_all is not None else lambda frames: send_each(port, frames)
 
 
+def waiting(port: FramePort) -> Callable[[], bool]:
+    """Return what says whether a port may have frames; one that cannot say may always have some."""
+    ask: Callable[[], bool] | None = getattr(port, "has_frames", None)
+    return ask if ask is not None else lambda: True
+
+
 def receiving(port: FramePort) -> Callable[[int], Sequence[Frame]]:
     """Return what gives frames that have arrived at a port, a number of them at most."""
     receive_some: Callable[[int], Sequence[Frame]] | None = getattr(port, "receive_some", None)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from tautwave.contracts import Clock, FramePort
 from tautwave.errors import DriverError
-from tautwave_drivers.can.batches import Frame, receiving, sending
+from tautwave_drivers.can.batches import Frame, receiving, sending, waiting
 from tautwave_drivers.can.errors import error_text
 from tautwave_drivers.can.framing import ERROR_FRAME
 from tautwave_drivers.can.full_queue import CHECK, FullQueue
@@ -56,6 +56,7 @@ class Exchange:
         self._take = take
         self._runs = hasattr(port, "advance")
         self._send_all, self._receive_some = sending(port), receiving(port)
+        self._waiting = waiting(port)
         self.missing = 0
         self.lost = ""
         self.told: list[str] = []
@@ -113,7 +114,7 @@ class Exchange:
         try:
             if self._runs:  # a simulated bus, up to now
                 self._clock.wait(self.port, self._clock.now_ns())
-            while frames := self._receive_some(MANY):
+            while self._waiting() and (frames := self._receive_some(MANY)):
                 self._received += len(frames)
                 self.missing -= self._take(frames)
         except DriverError as err:

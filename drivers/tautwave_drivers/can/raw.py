@@ -6,6 +6,7 @@ Source: Linux Documentation/networking/can.rst, <linux/can.h>, <linux/can/raw.h>
 from __future__ import annotations
 
 import errno
+import select
 import socket
 import struct
 from collections.abc import Collection, Sequence
@@ -68,6 +69,7 @@ class RawPort:
         self._now_ns = clock.now_ns
         self._send = can.send
         self._recv = can.recv
+        self._queue: select.epoll | None = None
         self._framing = framing
         self._fd = framing.fd
         self._others = _REMOTE if framing.extended else _REMOTE | EXTENDED
@@ -148,6 +150,13 @@ class RawPort:
                 raise gone(self._where, err) from err
         return sent
 
+    def has_frames(self) -> bool:
+        """Return whether there is something to take, quicker than by taking nothing."""
+        if self._queue is None:
+            self._queue = select.epoll()
+            self._queue.register(self._socket, select.EPOLLIN)
+        return bool(self._queue.poll(0))
+
     def receive(self) -> tuple[int, bytes, int] | None:
         """Return the oldest frame as id, data and arrival [ns], None if there is none."""
         frames = self.receive_some(1)
@@ -197,6 +206,8 @@ class RawPort:
 
     def close(self) -> None:
         """Close the socket."""
+        if self._queue is not None:
+            self._queue.close()
         self._socket.close()
 
 

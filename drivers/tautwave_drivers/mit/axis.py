@@ -15,8 +15,8 @@ from tautwave_drivers.mit.options import Motor, Scale, damper_of, scale_of
 
 NAN = math.nan
 _NEW = tuple.__new__
-_UNPACK = struct.Struct(">xHBB3x").unpack
-"""Position, and the two bytes that have the velocity."""
+_UNPACK = struct.Struct(">xHH3x").unpack
+"""Position, and the two bytes of which the first twelve bits are the velocity."""
 MISSING = JointState(0.0, NAN, NAN, False, 0)
 ABOUT_REGISTERS = Cause("about registers", "another program asks this motor: stop it")
 OF_ANOTHER = Cause(
@@ -27,12 +27,12 @@ FORGOT = "it was switched off and on, or another program switched it off; check 
 
 
 @functools.cache
-def _ends(high: int) -> tuple[bytes, ...]:
-    """Return the last two bytes of a command by the code of its torque; `high` has kd's last bits.
+def _frames(first: bytes, high: int) -> tuple[bytes, ...]:
+    """Return commands by the code of their torque; `high` has kd's last bits.
 
     A table, as a cycle has time for neither shifts nor masks.
     """
-    return tuple(bytes((high | code >> 8, code & 0xFF)) for code in range(damiao.TOP + 1))
+    return tuple(first + bytes((high | code >> 8, code & 0xFF)) for code in range(damiao.TOP + 1))
 
 
 class Axis:
@@ -55,9 +55,9 @@ class Axis:
     """
 
     __slots__ = (
-        "_acting", "_begins", "_code_of", "_damped", "_ends", "_lines", "_nibble", "_said", "_told",
-        "arrived_ns", "damper", "fault", "fresh", "late", "motor", "scale", "spec", "state",
-        "upper", "wrong",
+        "_acting", "_code_of", "_damped", "_frames", "_lines", "_motion", "_nibble", "_said",
+        "_told", "arrived_ns", "damper", "fault", "fresh", "late", "motor", "scale", "spec",
+        "state", "upper", "wrong",
     )  # fmt: skip
 
     def __init__(self, spec: AxisSpec, motor: Motor, period: float) -> None:
@@ -83,11 +83,12 @@ class Axis:
         self._lines = tuple(
             (zero, scale.direction * step) for zero, step in zip(zeros, steps, strict=True)
         )
+        self._motion = (*self._lines[0], *self._lines[1])
         limit = self.spec.effort_limit
         bare = scale._replace(damping_code=0, push=0.0)
-        # What a command is made of: its coder of torque, its first bytes, its last ones by code.
-        (self._code_of, self._begins, self._ends), self._damped = (
-            (one.coder(limit), frame[:6], _ends(frame[6]))
+        # What a command is made of: its coder of torque, and the frames by their codes.
+        (self._code_of, self._frames), self._damped = (
+            (one.coder(limit), _frames(frame[:6], frame[6]))
             for one in (bare, scale)
             if (frame := damiao.command(0, one.damping_code))
         )
@@ -165,9 +166,9 @@ class Axis:
         elif self.damper is not None:
             self._acting, self._told = self._told, effort if damped else NAN
             if damped:
-                code_of, begins, ends = self._damped
-                return begins + ends[code_of(effort, upper)]
-        return self._begins + self._ends[self._code_of(effort, upper)]
+                code_of, frames = self._damped
+                return frames[code_of(effort, upper)]
+        return self._frames[self._code_of(effort, upper)]
 
     def book(self) -> None:
         """Take this cycle's sample, or that there is none, into the books of the damper."""
@@ -182,13 +183,19 @@ class Axis:
         """Return this cycle's sample, invalid where there is none or the motor is in doubt."""
         if not self.fresh or self.fault:
             return MISSING
-        (zero, step), (still, pace), _ = self._lines
-        place, high, middle = _UNPACK(self._said)
+        zero, step, still, pace = self._motion
+        place, word = _UNPACK(self._said)
         age_ns = now_ns - self.arrived_ns
-        speed = still + pace * (high << 4 | middle >> 4)
         # As `JointState(...)`, in two thirds of the time.
         return _NEW(
-            JointState, (zero + step * place, speed, NAN, True, age_ns if age_ns > 0 else 0)
+            JointState,
+            (
+                zero + step * place,
+                still + pace * (word >> 4),
+                NAN,
+                True,
+                age_ns if age_ns > 0 else 0,
+            ),
         )
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from math import floor
+from math import ceil
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -121,11 +121,8 @@ class Scale(NamedTuple):
         def code_of(effort: float, upper: bool) -> int:
             if not -limit <= effort <= limit:  # NaN too
                 effort = limit if effort > limit else -limit if effort < -limit else 0.0
-            exact = middle + direction * effort / step - push
-            code = floor(exact)
-            rest = exact - code
-            if rest > 0.75 or (rest > 0.25 and upper):
-                code += 1
+            # A multiple of a step is half a code above one; the upper is taken from a quarter on.
+            code = ceil(middle + direction * effort / step - push - (0.25 if upper else 0.75))
             return code if 0 <= code <= top else top if code > 0 else 0
 
         return code_of

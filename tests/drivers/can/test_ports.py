@@ -364,6 +364,20 @@ def test_a_frame_never_leaves_as_another_one(
         other.close()
 
 
+def test_a_raw_port_says_whether_it_has_frames_and_when_it_is_gone() -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with ours, theirs:
+        port = RawPort(ours, FakeClock(), "test")
+        assert not port.has_frames()
+        theirs.send(struct.pack("<IB3x8s", 0x11, 8, bytes(8)))
+        assert port.has_frames()
+        assert port.receive() == (0x11, bytes(8), 0)
+        assert not port.has_frames()
+        ours.shutdown(socket.SHUT_RDWR)
+        assert port.has_frames()  # which makes the next `receive` say it
+        port.close()
+
+
 def test_the_kernels_filters_are_the_ids_and_their_kind() -> None:
     # <linux/can.h>, struct can_filter: id and mask; flags and all bits of the id have to agree
     found = filters(Framing(extended=True, ids=[0x11, EXTENDED | 0x11]))
