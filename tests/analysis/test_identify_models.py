@@ -122,6 +122,17 @@ TRUTHS = {
 }
 
 
+def test_the_loss_of_a_contact_is_exact_where_nothing_disturbs() -> None:
+    t = np.arange(1500) * 1e-3
+    x, v = 0.04 * np.sin(9.7 * t), 0.388 * np.cos(9.7 * t)
+    depth = np.maximum(x - 0.01, 0.0)
+    motion = motion_of(x, -300.0 * depth**1.8 * (1.0 + 0.6 * v), 1e-3, cutoff_hz=40.0)
+    fit = fit_contact(motion, "hunt_crossley")
+    assert fit is not None
+    assert fit.parameters["loss"].value == pytest.approx(0.6, rel=5e-3)
+    assert fit.parameters["exponent"].value == pytest.approx(1.8, rel=5e-3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_a_contact_is_found_within_its_interval(kind: str) -> None:

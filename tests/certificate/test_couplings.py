@@ -210,3 +210,13 @@ def test_the_end_of_a_rig_has_its_wave_filter_and_scale() -> None:
     delays = declared_delays(bench)
     slave = believed_end(bench, "slave.lever", delays, "lower")
     assert "filtered_wave" in slave.states
+
+
+@pytest.mark.parametrize(("longest", "judged"), [(9, False), (10, True)])
+def test_modes_are_computed_up_to_the_longest_line(
+    longest: int, judged: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tautwave.certificate.loops.LONGEST", longest)
+    found = certified("coupling.delay_s=0.005", name="bench-1dof-2khz")
+    radii = [case.radius for case in found.loops[0].cases]
+    assert all(math.isfinite(radius) is judged for radius in radii)

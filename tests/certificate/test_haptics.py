@@ -17,7 +17,7 @@ from tautwave.certificate.haptics import haptics
 from tautwave.certificate.haptics.cycles import wall_cycles
 from tautwave.certificate.haptics.pictures import cycle_figure, felt_figure, width_figure
 from tautwave.certificate.haptics.transparency import Felt, pair_felt
-from tautwave.certificate.haptics.width import axis_width
+from tautwave.certificate.haptics.width import AxisWidth, axis_width
 from tautwave.certificate.loops import believed_end
 from tautwave.config import Rig, load_rig
 from tautwave.registry import load_coupling
@@ -165,3 +165,16 @@ def test_the_ends_of_a_pair_are_those_of_the_certificate() -> None:
     ends = [believed_end(one, f"{side}.lever", delays, "lower") for side in ("master", "slave")]
     assert least_damped(ends[0], ends[1], one.delay_samples, one.period_s).radius < 1.0
     assert all(end.push is not None and len(end.push.state) == len(end.b) for end in ends)
+
+
+@pytest.mark.parametrize(
+    ("stiff", "says"),
+    [
+        (0.0, "no wall is passive at 1000 Hz, its damping is 0.02"),
+        (0.5, "the stiffest passive wall is K = 0.5 N m/rad with B = 0.1 "),
+    ],
+)
+def test_what_walls_an_axis_bears_is_said(stiff: float, says: str) -> None:
+    two = np.array([0.0, stiff])
+    found = AxisWidth("slave.a", True, 1e-3, 0.02, 1e-3, 0.0, None, two / 5.0, two, two, None)
+    assert found.sentence().startswith(f"slave.a: {says}")

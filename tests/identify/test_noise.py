@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from tautwave.analysis.identification.encoder_noise import LAGS, fit_noise, lattice
+from tautwave.analysis.identification.regression import Estimate
 from tautwave.cli import main
 from tautwave.config import load_rig
 from tautwave.errors import RecordingError
@@ -108,9 +109,10 @@ def test_noise_below_half_a_step_is_not_distinguished_from_it(share: float) -> N
     assert found.quantum == pytest.approx(STEP)
     assert found.autocorrelation is None
     assert share * STEP < found.deviation.value < 0.7 * STEP
+    assert found.deviation.lower < found.deviation.value < found.deviation.upper
     assert fit(np.full(COUNT, STEP)).quantum is None
     creeping = STEP * np.rint(1e4 + np.linspace(0.0, 4.0, COUNT))
-    assert fit(creeping).deviation.value == 0.0  # it only drifts
+    assert fit(creeping).deviation == Estimate(0.0, 0.0, 0.0)  # it only drifts
 
 
 def test_the_step_s_own_share_is_taken_off() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from tautwave.analysis.identification.sensor_balance import (
     sensor_balance,
 )
 from tautwave.cli import main
+from tautwave.session.acceptance.sensors import rest_now
 from tautwave.session.identification.lever import identify_lever
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "teleop-1dof"
@@ -143,3 +146,19 @@ def test_the_sessions_of_the_recordings_do_not_agree_on_a_newton_metre() -> None
         assert any("one of both scales" in note for note in found.notes)
         assert found.sensor_offset is not None
     assert units[1] > 2.0 * units[0]
+
+
+def test_a_sensor_is_looked_at_for_a_while_and_an_axis_without_one_is_not() -> None:
+    for sensor, rests in ((None, []), (SimpleNamespace(quantum=0.02), [(0.5, 0.01, 0.1)])):
+        rig: Any = SimpleNamespace(axes={"slave.a": SimpleNamespace(effort_sensor=sensor)})
+        control: Any = SimpleNamespace(now_ns=0, outside=lambda _: 0.5)
+        looking, found, slots = rest_now(rig, "slave.a", 0.1, control), None, 0
+        while found is None:
+            try:
+                next(looking)
+            except StopIteration as ended:
+                found = ended.value
+            control.now_ns += 50_000_000
+            slots += 1
+        assert [tuple(one) for one in found] == rests
+        assert slots == (5 if sensor else 1)

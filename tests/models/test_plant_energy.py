@@ -69,6 +69,11 @@ def test_the_books_close(name: str) -> None:
     assert abs(residual) <= 1e-13 * gross
 
 
+def test_the_books_close_at_a_damper_that_lets_go() -> None:
+    residual, gross = books(PLANTS["damper wall"], 200, 1.0, 0.4, 3.0, STEP, 1)
+    assert abs(residual) <= 1e-13 * gross
+
+
 @settings(max_examples=tried(40))
 @given(
     mass=st.floats(0.01, 2.0),

@@ -270,6 +270,20 @@ def test_every_scheme_finds_the_restitution_of_a_lossy_contact(scheme: str, most
         assert -v == pytest.approx(want, abs=most)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("v", [0.0, 0.3, -0.2])
+def test_a_symplectic_step_loses_what_a_lossy_contact_pulls_beyond_its_spring(
+    side: float, v: float
+) -> None:
+    """By the velocity at its start, into the contact, whichever side that is on."""
+    foam = contact(SYMPLECTIC_EULER, 1.0, 400.0, damping=2.0, side=side)
+    t, depth = 1e-4, 0.01
+    _, after, *_, lost = integrate_step(MASS, foam, side * depth, side * v, 0.0, 0.0, 0.0, t)
+    pull = 400.0 * depth + 2.0 * v
+    assert side * after == pytest.approx(v - t * pull / MASS.mass)
+    assert lost == pytest.approx(2.0 * v * t * side * after, abs=1e-18)
+
+
 @pytest.mark.sparse(3)
 @pytest.mark.parametrize("scheme", ["discrete_gradient", "dormand_prince", "exact"])
 def test_books_close_with_everything_there(scheme: str) -> None:

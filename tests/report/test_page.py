@@ -273,6 +273,16 @@ def test_conditions_of_several_verdicts_are_read_once(tmp_path, columns):
         assert "passive: conditional; it gives back what it took" in text
 
 
+@pytest.mark.parametrize(
+    ("passed", "says"),
+    [(True, "Passed."), (False, "Not passed."), (None, "Not yet evaluated; ")],
+)
+def test_the_verdict_on_the_certificate_begins_with_how_it_ended(tmp_path, columns, passed, says):
+    make_run(tmp_path, columns=columns, certificate={"passed": passed})
+    (found,) = [v for v in verdicts_of(load_run(tmp_path)) if v.topic == "Certificate"]
+    assert found.sentences[0].startswith(says)
+
+
 def without(columns, *parts):
     return {name: c for name, c in columns.items() if not any(part in name for part in parts)}
 

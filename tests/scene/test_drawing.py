@@ -7,11 +7,15 @@ import pytest
 
 pytest.importorskip("PIL")
 import itertools
+from types import SimpleNamespace
+from typing import Any
 
 from PIL import Image, ImageDraw
 
-from tautwave_scenes.report.drawing import HEIGHT, OVER, WIDTH, _bar
+from tautwave_scenes.networks.network import Mass, Network
+from tautwave_scenes.report.drawing import HEIGHT, OVER, WIDTH, _bar, draw_frame
 from tautwave_scenes.report.figure import thin
+from tautwave_scenes.report.view import SceneView
 
 
 @pytest.mark.parametrize(("count", "step"), [(3000, 1), (3001, 3), (10_001, 7)])
@@ -47,3 +51,28 @@ def test_names_of_bars_that_meet_lie_apart() -> None:
     ends = sorted((int(columns[0]), int(columns[-1])) for columns in drawn)
     assert all(one[1] < two[0] for one, two in itertools.pairwise(ends))
     assert ends[-1][1] < WIDTH * OVER
+
+
+def view_of(places: dict[str, np.ndarray]) -> SceneView:
+    """Return a scene of balls in a row at 100 Hz."""
+    masses = tuple(Mass(name, 1.0) for name in places)
+    rig: Any = SimpleNamespace(rate_hz=100.0)
+    return SceneView(Network(masses, (), ()), rig, 0.01 * np.arange(200), places, {}, {})
+
+
+def test_a_frame_shows_all_that_moves_within_a_quarter_of_a_second() -> None:
+    """Balls stand in columns from left to right; heights are those of the rows around."""
+    still = {name: np.zeros(200) for name in "abc"}
+    frames = []
+    for moved in (0, 70, 80, 130):
+        places = {name: values.copy() for name, values in still.items()}
+        places["b"][moved] = 1.0
+        frames.append(np.asarray(draw_frame(view_of(places), 100)))
+    far, out, near, beyond = frames
+    assert np.array_equal(far, out)
+    assert np.array_equal(far, beyond)
+    assert not np.array_equal(far, near)
+    inked = np.flatnonzero((far != far[0, 0]).any(axis=(0, 2)))
+    balls = inked[1:][np.diff(inked) > 30]
+    assert len(balls) == 3
+    assert np.ptp(np.diff(balls)) <= 1

@@ -9,7 +9,7 @@ import pytest
 from tautwave.contracts import AxisSpec, Bench, BusSpec
 from tautwave.errors import ConfigError
 from tautwave.models.servo import ServoParams
-from tautwave.session.guided.hands import TypedHands
+from tautwave.session.guided.hands import Hand, TypedHands
 from tautwave_sim.axis import SimulatedAxis
 from tautwave_sim.bench import free_axis
 
@@ -34,6 +34,19 @@ def moved(axis: SimulatedAxis, seconds: float) -> float:
     for _ in range(round(seconds / PERIOD)):
         axis.pass_slot()
     return axis.physics.x
+
+
+@pytest.mark.parametrize(("share", "way"), [(0.25, 0.103515625), (0.5, 0.5), (0.75, 0.896484375)])
+def test_a_hand_moves_by_the_least_jerk(share: float, way: float) -> None:
+    """Its effort on a device that does not move is its grip's stiffness times the way."""
+    efforts = []
+    for at in (share, 1.0):
+        hand = Hand(free_axis(PERIOD, 1e-3, 1e-3, seed=(1,)))
+        hand.move(0.4, 1.0)
+        for _ in range(round(40 * at)):
+            effort = hand(0.0, 0.0, 0.025)
+        efforts.append(effort)
+    assert efforts[0] == pytest.approx(way * efforts[1])
 
 
 def test_a_typed_hand_brings_a_device_there_in_its_time_and_lets_go_of_it() -> None:

@@ -18,7 +18,7 @@ import pytest
 from tautwave.config import load_rig
 from tautwave.errors import WritingError
 from tautwave.report import __main__ as drawing
-from tautwave.session import running
+from tautwave.session import reporting, running
 from tautwave.summary import Summary, read_summary, write_summary
 
 COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main(prog_name='tautwave')"]
@@ -145,3 +145,18 @@ def test_a_directory_that_was_removed_takes_the_recording_with_it(
         f"{out} was removed during the run, and its recording is gone with it"
     )
     assert not out.exists()
+
+
+def test_a_report_that_is_drawn_later_outlives_the_terminal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spawned: list[tuple[list[str], dict[str, Any]]] = []
+    monkeypatch.setattr(subprocess, "run", answering(0, ""))
+    monkeypatch.setattr(os, "posix_spawn", lambda _, words, __, **how: spawned.append((words, how)))
+    reporting.report_run(tmp_path, Summary(), 0, draw_later=True)
+    ((words, how),) = spawned
+    assert words[1:] == ["-m", "tautwave.report", "--draw", str(tmp_path)]
+    assert how["setsid"]  # in a session of its own
+    assert [(one[1], one[2]) for one in how["file_actions"]] == [
+        (at, os.devnull) for at in range(3)
+    ]

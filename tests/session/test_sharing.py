@@ -16,7 +16,7 @@ from tautwave.cli import main
 from tautwave.cli.rigs import accept as command
 from tautwave.errors import ConfigError
 from tautwave.session.acceptance import shared as module
-from tautwave.session.acceptance.document import FILE, verify, write_sealed
+from tautwave.session.acceptance.document import FILE, TRAFFIC, verify, write_sealed
 from tautwave.session.acceptance.shared import KEEP, SERIAL, Shared, read_shared, shared, text_of
 from tautwave.session.bus_replay import read_traffic, shared_rig
 from tests.reports.make import old_servo, shipped
@@ -246,6 +246,17 @@ def test_a_serial_number_in_traffic_is_zero(lines: list[str], left: list[int | s
     wanted = [lines[one] if isinstance(one, int) else f"0.1 can {one}" for one in left]
     assert module._Cleaner({}, set(), []).lines(lines) == wanted
     assert module._Cleaner({}, set(), ["serial"]).lines(lines) == lines
+
+
+def test_of_long_traffic_of_a_bus_the_first_and_the_last_lines_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MAX_LINES", 3)
+    path = made(tmp_path)
+    lines = [f"0.{k:02d} can {'><'[k % 2]} {k:02X}" for k in range(40)]
+    (path.parent / "identity" / TRAFFIC).write_text("\n".join(lines))
+    left = shared(path, KEEP).stages["identity"]["traffic"]
+    assert left == [*lines[:2], *lines[38:]]  # no exchange is cut
 
 
 def test_a_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:
