@@ -11,6 +11,9 @@ _ALL_GROUPS = {
     socket.AF_INET6: (socket.IPPROTO_IPV6, 29),  # IPV6_MULTICAST_ALL, <linux/in6.h>
 }
 
+MANY = 10_000
+"""Frames that may have come since a bus was opened."""
+
 
 def only_its_group(bus: Any) -> None:
     """Keep frames of other multicast groups away: Linux hands them to every socket of the port.
@@ -28,3 +31,5 @@ def only_its_group(bus: Any) -> None:
     kind, option = _ALL_GROUPS[port.family]
     with suppress(OSError):  # not Linux: there only the groups joined arrive
         port.setsockopt(kind, option, 0)
+        for _ in range(MANY):  # until now those of others came, too; ends where there is none
+            port.recv(1, socket.MSG_DONTWAIT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.errors import DriverError
+from tautwave.multicast import only_its_group
 from tautwave_sim.wire.can import EXTENDED, CanTiming, frame_bits, priority
 from tautwave_sim.wire.can_faults import CanFaultPlan, CanFaults
 from tautwave_sim.wire.can_medium import CanMedium
@@ -157,3 +159,16 @@ def test_devices_of_one_multicast_group_do_not_hear_another(group: str) -> None:
     finally:
         for bus in opened:
             bus.shutdown()
+
+
+def test_what_came_from_other_groups_while_a_bus_was_opened_is_dropped() -> None:
+    """Between a bus' opening and its option the kernel hands it the frames of every group."""
+    kind = socket.AF_INET, socket.SOCK_DGRAM
+    with socket.socket(*kind) as port, socket.socket(*kind) as other:
+        port.bind(("127.0.0.1", 0))
+        for datagram in (b"a frame of another group", b"no frame", b""):
+            other.sendto(datagram, port.getsockname())
+        only_its_group(SimpleNamespace(_multicast=SimpleNamespace(_socket=port)))
+        assert port.getsockopt(socket.IPPROTO_IP, 49) == 0  # IP_MULTICAST_ALL
+        with pytest.raises(BlockingIOError):
+            port.recv(1, socket.MSG_DONTWAIT)
