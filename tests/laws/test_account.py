@@ -16,6 +16,7 @@ from tautwave.laws.account import (
     credit_due,
     credit_received,
     gate_bounds,
+    is_covered,
     level_friction,
     level_missing,
     planned_bounds,
@@ -69,6 +70,44 @@ def test_smoothing_allows_nothing_that_the_velocity_does_not(
     low, high = planned_bounds(p, held, free_velocity, smooth, M, T)
     least, most = gate_bounds(p, share * held, free_velocity, M, T)
     assert least <= low <= 0.0 <= high <= most
+
+
+@given(
+    st.floats(-1e-6, 1e-2),
+    speeds,
+    speeds,
+    st.floats(0.1, 1.0),
+    st.sampled_from((0.0, 0.7, 2.0)),
+    st.one_of(
+        st.floats(-2.0, 2.0), st.sampled_from((1.0, 1.0 - 1e-9, 1.0 + 1e-12, 1.0 - 1e-15, 0.0))
+    ),
+    st.booleans(),
+)
+def test_a_covered_effort_is_not_cut_by_the_bounds(
+    held: float, v: float, smooth: float, share: float, edge: float, of: float, up: bool
+) -> None:
+    """To the last bit, for efforts about the bounds too: what `SURELY` is for."""
+    p = P._replace(share=share, edge=edge)
+    low, high = planned_bounds(p, held, v, smooth, M, T)
+    effort = of * (high if up else low)
+    if is_covered(p, held, effort, v, smooth, M, T):
+        assert low <= effort <= high
+
+
+@given(st.floats(1e-6, 1e-2), speeds, speeds, st.floats(-0.9, 0.9))
+def test_an_effort_well_within_the_bounds_is_covered(
+    held: float, v: float, smooth: float, of: float
+) -> None:
+    low, high = planned_bounds(P, held, v, smooth, M, T)
+    assert is_covered(P, held, of * min(-low, high), v, smooth, M, T)
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_nothing_that_is_not_a_number_is_covered(place: int) -> None:
+    numbers = [1e-3, 0.0, 0.1, 0.1]
+    assert is_covered(P, numbers[0], numbers[1], numbers[2], numbers[3], M, T)
+    numbers[place] = math.nan
+    assert not is_covered(P, numbers[0], numbers[1], numbers[2], numbers[3], M, T)
 
 
 def test_a_held_force_does_not_follow_the_noise_of_a_velocity() -> None:

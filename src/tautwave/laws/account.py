@@ -89,6 +89,9 @@ SMOOTHED_S = 0.01
 CALM_SHARE = 0.1
 """Of the funds that a command may plan to give, what it may on that velocity."""
 
+SURELY = 1.0 + 1e-9
+"""Margin over rounding: an effort that is within by it is within the bounds as computed."""
+
 COMMANDS_UNDER_WAY = 3.0
 """Each command under way may plan to give this share's inverse, over their number, of the funds:
 each sees an account that the others have not yet drawn on. Below e, the account could go negative.
@@ -187,6 +190,31 @@ def planned_bounds(
     if calm_high < high:
         high = calm_high
     return low, high
+
+
+def is_covered(
+    p: AccountParams,
+    funds: float,
+    effort: float,
+    free_velocity: float,
+    smooth: float,
+    half_mobility: float,
+    period: float,
+) -> bool:
+    """Return whether an effort [N m or N] lies surely within `planned_bounds`, which need no look.
+
+    The parabolas of `gate_bounds` themselves, without root or division: most efforts are within.
+    With u = |v| + 2 M |R|, `u**2 < v**2 + 4 M funds / T` says |R| < g. `SURELY` exceeds all that
+    rounding does to either side, so a bound that is computed does not bind either. Arguments are
+    those of `planned_bounds`.
+    """
+    may = 4.0 * half_mobility * p.share * funds
+    reach = 2.0 * half_mobility * math.fabs(effort)
+    fast = math.fabs(free_velocity) + reach
+    calm = math.fabs(smooth) + reach
+    if not (SURELY * fast * fast - free_velocity * free_velocity) * period < may:
+        return False
+    return (SURELY * calm * calm - smooth * smooth) * period < CALM_SHARE * may
 
 
 def lets_go(p: AccountParams, asked: float, passed: float) -> bool:

@@ -26,6 +26,7 @@ from tautwave.laws.account import (
     credit_due,
     credit_received,
     is_apart,
+    is_covered,
     lets_go,
     level_friction,
     level_missing,
@@ -250,11 +251,13 @@ def compute_effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     wanted += missing * (k.level_damping * free_velocity + level_friction(k, e.smooth))
     asked = wanted + uncovered
     half = p.site.half_mobility
-    low, high = planned_bounds(k, e.funds, free_velocity, e.smooth, half, p.site.period)
-    if wanted < low:
-        wanted = low
-    elif wanted > high:
-        wanted = high
+    period = p.site.period
+    if not is_covered(k, e.funds, wanted, free_velocity, e.smooth, half, period):
+        low, high = planned_bounds(k, e.funds, free_velocity, e.smooth, half, period)
+        if wanted < low:
+            wanted = low
+        elif wanted > high:
+            wanted = high
     watch_hold(s, p, asked, wanted)
     return wanted
 
@@ -347,12 +350,13 @@ def fill_held(out: Row, at: int, p: AxisParams, held: float) -> int:
 def fill_elements(out: Row, at: int, pair: PairView) -> int:
     """Write the books of both accounts, and the credit on its way."""
     q, one, two, p1, p2 = pair.q, pair.one, pair.two, pair.p1, pair.p2
-    at = fill_account(out, at, one, p1, law_held(one))
+    held = law_held(one)
+    at = fill_account(out, at, one, p1, held)
     at = fill_account(out, at, two, p2, law_held(two))
     if q.samples > 0:
         at = fill_credits(out, at, one, two, p1, p2)
     if law_holds:
-        at = fill_held(out, at, p1, law_held(one))
+        at = fill_held(out, at, p1, held)
     return at
 
 
@@ -369,9 +373,10 @@ def fill_credits(
 def fill_elements_over_link(out: Row, at: int, pair: PairView) -> int:
     """Write the books of both accounts, and the credit in packets."""
     one, two, p1, p2 = pair.one, pair.two, pair.p1, pair.p2
-    at = fill_account(out, at, one, p1, law_held(one))
+    held = law_held(one)
+    at = fill_account(out, at, one, p1, held)
     at = fill_account(out, at, two, p2, law_held(two))
     at = fill_credits(out, at, one, two, p1, p2)
     if law_holds:
-        at = fill_held(out, at, p1, law_held(one))
+        at = fill_held(out, at, p1, held)
     return at

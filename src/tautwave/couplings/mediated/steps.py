@@ -140,12 +140,16 @@ def render(s: AxisState, p: AxisParams, funds: float) -> None:
     e = s.end
     k = p.end
     x = s.position
-    below = stored_in(e.below, -1.0, x)
-    e.paid += adopt(k.model, e.above, e.contact.above, 1.0, x, e.count, funds - below)
-    above = stored_in(e.above, 1.0, x)
-    e.paid += adopt(k.model, e.below, e.contact.below, -1.0, x, e.count, funds - above)
-    e.effort = e.above.stiffness * depth_in(e.above, 1.0, x)
-    e.effort -= e.below.stiffness * depth_in(e.below, -1.0, x)
+    c = e.contact
+    e.effort = 0.0
+    if c.above.stiffness > 0.0:  # else nothing is known there, and nothing rendered
+        below = stored_in(e.below, -1.0, x)
+        e.paid += adopt(k.model, e.above, c.above, 1.0, x, e.count, funds - below)
+        e.effort = e.above.stiffness * depth_in(e.above, 1.0, x)
+    if c.below.stiffness > 0.0:
+        above = stored_in(e.above, 1.0, x)
+        e.paid += adopt(k.model, e.below, c.below, -1.0, x, e.count, funds - above)
+        e.effort -= e.below.stiffness * depth_in(e.below, -1.0, x)
 
 
 def cover(s: AxisState, p: AxisParams, funds: float) -> None:
