@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import signal
 import subprocess
@@ -15,9 +16,11 @@ from typing import Any
 import pytest
 
 from tautwave.multicast import only_its_group
+from tests.sim.mit.lerobot_bus import GOALS, NEAR
 
 BIN = Path(sys.executable).parent
-CHANNEL, OTHER = "239.74.163.83", "239.74.163.84"
+CHANNEL, OTHER, THIRD = "239.74.163.83", "239.74.163.84", "239.74.163.85"
+ROOT = Path(__file__).parents[3]
 PEERS = "comes with the extra `peers`"
 
 
@@ -82,6 +85,20 @@ def _damiao(controller: Any) -> None:
         until(lambda: motor.get_states()["status_code"] == 0, motor.disable)
     finally:
         controller.shutdown()
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_lerobots_bus_shakes_hands_with_motors_and_moves_them() -> None:
+    if importlib.util.find_spec("lerobot") is None:
+        pytest.skip("pip install --no-deps lerobot==0.4.4")
+    with served(THIRD) as channel:
+        words = [sys.executable, "-m", "tests.sim.mit.lerobot_bus", channel]
+        ended = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120)
+        assert ended.returncode == 0, ended.stderr
+        said = json.loads(ended.stdout.splitlines()[-1])
+    assert all(abs(place) < 0.1 for place in said["begun"].values())
+    assert all(abs(said["reached"][name] - goal) < NEAR for name, goal in GOALS.items())
 
 
 class OwnUnheard:
