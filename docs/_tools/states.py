@@ -30,6 +30,13 @@ PLACES = {
     CLUTCHED: (630, 152),
     STOPPING: (110, 380),
 }
+COLOURS = """<style>
+svg { --paper: #fff; --box: #e7f0fb; --engaged: #d8f0dd; --edge: #345; --ink: #222; --line: #555; }
+@media (prefers-color-scheme: dark) {
+  svg { --paper: #131416; --box: #16283b; --engaged: #17352a; --edge: #6ba5dd; --ink: #e6e6e6;
+    --line: #a3a9b0; }
+}
+</style>"""
 WIDE, HIGH = 130, 44
 BESIDE = {
     (IDLE, ALIGNING): 9.0,
@@ -66,8 +73,10 @@ def drawing() -> str:
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1000 470" font-family="sans-serif"'
         ' font-size="13" role="img" aria-label="States of an operated rig">',
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8"'
-        ' markerHeight="8" orient="auto"><path d="M0 0L8 4L0 8z" fill="#555"/></marker></defs>',
-        '<rect width="1000" height="470" fill="#fff"/>',
+        ' markerHeight="8" orient="auto">'
+        '<path d="M0 0L8 4L0 8z" fill="var(--line)"/></marker></defs>',
+        COLOURS,
+        '<rect width="1000" height="470" fill="var(--paper)"/>',
     ]
     for (one, two), named in words.items():
         half = (len(named) + 1) // 2 if len(named) > 2 else len(named)
@@ -76,17 +85,19 @@ def drawing() -> str:
         parts.append(_arrow(one, two, rows))
     for state in STATES:
         x, y = PLACES[state]
-        fill = "#e7f0fb" if state != ENGAGED else "#d8f0dd"
+        fill = "var(--box)" if state != ENGAGED else "var(--engaged)"
         parts.append(
             f'<rect x="{x - WIDE / 2:g}" y="{y - HIGH / 2:g}" width="{WIDE}" height="{HIGH}"'
-            f' rx="8" fill="{fill}" stroke="#345"/>'
-            f'<text x="{x}" y="{y + 5}" text-anchor="middle" fill="#111">{state}</text>'
+            f' rx="8" fill="{fill}" stroke="var(--edge)"/>'
+            f'<text x="{x}" y="{y + 5}" text-anchor="middle" fill="var(--ink)">{state}</text>'
         )
     parts.append(
-        '<text x="45" y="424" fill="#333">stop: from every state to stopping</text>'
-        '<text x="375" y="424" fill="#333">fault: from every state but stopping to holding</text>'
-        '<text x="375" y="442" fill="#333">rest: from clutched to idle, too</text>'
-        '<text x="375" y="458" fill="#333">scale: stays; parted: from engaged to aligning</text>'
+        '<text x="45" y="424" fill="var(--ink)">stop: from every state to stopping</text>'
+        '<text x="375" y="424" fill="var(--ink)">'
+        "fault: from every state but stopping to holding</text>"
+        '<text x="375" y="442" fill="var(--ink)">rest: from clutched to idle, too</text>'
+        '<text x="375" y="458" fill="var(--ink)">'
+        "scale: stays; parted: from engaged to aligning</text>"
         "</svg>"
     )
     return "\n".join(parts) + "\n"
@@ -115,9 +126,10 @@ def _arrow(one: str, two: str, label: list[str]) -> str:
         for row, text in enumerate(label)
     )
     return (
-        f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" stroke="#555" fill="none"'
+        f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" stroke="var(--line)" fill="none"'
         f' marker-end="url(#tip)"/><text x="{tx:.1f}" y="{ty:.1f}" text-anchor="{anchor}"'
-        f' fill="#333" stroke="#fff" stroke-width="4" paint-order="stroke">{rows}</text>'
+        f' fill="var(--ink)" stroke="var(--paper)" stroke-width="4" paint-order="stroke">'
+        f"{rows}</text>"
     )
 
 

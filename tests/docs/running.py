@@ -35,6 +35,8 @@ TRIES = 4
 class Page:
     """What the blocks of one page share: folder, namespace, served devices."""
 
+    timeout_s = 100.0
+
     def __init__(self, path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.path = path
         self.folder = folder
@@ -117,11 +119,14 @@ class Page:
             if target:
                 (self.folder / target).write_text(done.stdout, encoding="utf-8")
             return done.exit_code, "" if target else done.output
+        return self._shell(words)
+
+    def _shell(self, words: str) -> tuple[int, str]:
         there = {**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}", "COLUMNS": "160"}
         for _ in range(TRIES):
             shell = subprocess.run(
                 ["bash", "-c", words], cwd=self.folder, env=there, check=False, text=True,
-                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=100,
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=self.timeout_s,
             )  # fmt: skip
             if TOO_SLOW not in shell.stdout:
                 break

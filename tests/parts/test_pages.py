@@ -13,15 +13,20 @@ import pytest
 DOCS = Path(__file__).parents[2] / "docs"
 
 
+def follow(page: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Save all blocks of a page as one file, and run the suite that they make."""
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
+    assert len(blocks) > 1
+    (folder / "test_page.py").write_text("\n".join(blocks))
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_page.py"]
+    command += ["-k", "not compiled"]  # half a minute for what the example package shows
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", ["add-a-driver", "add-a-coupling"])
 def test_who_follows_the_page_has_a_suite_that_passes(page: str, tmp_path: Path) -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (DOCS / f"{page}.md").read_text(), re.DOTALL)
-    assert len(blocks) > 1
-    (tmp_path / "test_page.py").write_text("\n".join(blocks))
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_page.py"]
-    command += ["-k", "not compiled"]  # half a minute for what the example package shows
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = follow(DOCS / f"{page}.md", tmp_path)
     assert done.returncode == 0, done.stdout
     assert " passed" in done.stdout
     assert "failed" not in done.stdout

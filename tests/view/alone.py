@@ -214,9 +214,11 @@ OVERPRINTS = """(async () => {
 """By flow of a drawing with many boxes: how many of them the flow's number is printed over."""
 
 
-def start(out: Path, sets: Sequence[str], *options: str) -> tuple[subprocess.Popen[str], str]:
+def start(
+    out: Path, sets: Sequence[str], *options: str, rig: Path = BENCH
+) -> tuple[subprocess.Popen[str], str]:
     """Start a run with its page; return it and the address."""
-    words = ["run", str(BENCH), *(word for override in sets for word in ("--set", override)),
+    words = ["run", str(rig), *(word for override in sets for word in ("--set", override)),
              "--duration", "260", "--out", str(out), "--view", "--quiet", *options]  # fmt: skip
     run = subprocess.Popen(
         [sys.executable, "-c", RUN, *words],

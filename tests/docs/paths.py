@@ -1,0 +1,129 @@
+"""The first hour of four people, walked by their pages and counted: `python -m tests.docs.paths`.
+
+Prints a line for each: words of their pages and minutes of reading, commands typed, lines of code
+or rig saved, lines printed, seconds waited. Names of paths after it walk only these.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from tautwave.cli.terminal.show import plain_text
+from tautwave.tables import Table, of_numbers
+from tests.docs.blocks import ROOT, Block, blocks
+from tests.docs.running import Page
+from tests.docs.test_sentences import prose
+from tests.parts.test_pages import follow
+
+PATHS = {
+    "two arms and a dataset": ("start/arms.md", "howto/record-episodes.md"),
+    "haptics and walls": ("start/walls.md",),
+    "drives and fieldbuses": ("start/drives.md", "tutorials/cia402-from-eds.md"),
+    "an author of a driver": ("add-a-driver.md",),
+}
+WORDS_A_MINUTE = 200
+
+
+class Walk(NamedTuple):
+    """What one person did until the end of their pages."""
+
+    words: int
+    commands: int
+    saved: int
+    printed: int
+    waited_s: float
+
+
+class _Followed(Page):
+    """A page whose commands are counted, and run as a person's: in a shell, with their figures."""
+
+    timeout_s = 1000.0
+    count, lines, waited_s = 0, 0, 0.0
+
+    def _command(self, words: str) -> tuple[int, str]:
+        begun = time.monotonic()
+        code, printed = self._shell(words)
+        self.waited_s += time.monotonic() - begun
+        self.count += 1
+        self.lines += len(printed.splitlines())
+        return code, printed
+
+
+def steps(page: Path) -> list[Block]:
+    """Return what a page has its reader run, in order: blocks, and commands that stand alone."""
+    fenced = list(blocks(page))
+    inside = {n for one in fenced for n in range(one.line, one.line + one.text.count("\n") + 3)}
+    lines = page.read_text(encoding="utf-8").splitlines()
+    alone = [
+        Block("console", number, f"$ {line.strip()}", "")
+        for number, line in enumerate(lines, 1)
+        if number not in inside and re.match(r"    tautwave .*--clock fake", line)
+    ]
+    return sorted([*fenced, *alone], key=lambda one: one.line)
+
+
+def walk(name: str, folder: Path) -> Walk:
+    """Follow the pages of a path in one folder.
+
+    Raises
+    ------
+    AssertionError
+        A page is wrong: its line, and what was printed.
+    """
+    words = commands = saved = printed = 0
+    waited_s = 0.0
+    with pytest.MonkeyPatch.context() as patch:
+        for one in PATHS[name]:
+            path = ROOT / "docs" / one
+            page = _Followed(path, folder, patch)
+            words += len(prose(path.read_text(encoding="utf-8")).split())
+            try:
+                if one == "add-a-driver.md":
+                    begun = time.monotonic()
+                    tried = follow(path, folder)
+                    assert tried.returncode == 0, tried.stdout
+                    page.waited_s = time.monotonic() - begun
+                    page.count, page.lines = 1, len(tried.stdout.splitlines())
+                    saved += sum(1 + b.text.count("\n") for b in blocks(path) if b.kind == "python")
+                else:
+                    for block in steps(path):
+                        page.run(block)
+                        saved += 1 + block.text.count("\n") if block.kind in ("yaml", "ini") else 0
+            finally:
+                page.close()
+            commands, printed = commands + page.count, printed + page.lines
+            waited_s += page.waited_s
+    return Walk(words, commands, saved, printed, waited_s)
+
+
+def main(*names: str) -> None:
+    """Walk paths and print what was counted."""
+    rows = []
+    for name in names or PATHS:
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            done = walk(name, Path(folder))
+        rows.append(
+            (name, f"{done.words}", f"{done.words / WORDS_A_MINUTE:.0f}", f"{done.commands}",
+             f"{done.saved}", f"{done.printed}", f"{done.waited_s:.0f}")
+        )  # fmt: skip
+    heads = (
+        "path",
+        "words",
+        "min of reading",
+        "commands",
+        "lines saved",
+        "lines printed",
+        "s waited",
+    )
+    print(plain_text([Table("The first hour", of_numbers(*heads), rows)]))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
