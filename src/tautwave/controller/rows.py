@@ -73,12 +73,12 @@ PAIR = (
 
 def axis_columns(name: str, p: AxisParams, law: Law) -> list[str]:
     """Return the column names of one axis, e.g. `master.wrist`; filled by `fill_axis`."""
-    found = [*names(AXIS), *law.signals]
+    columns = [*names(AXIS), *law.signals]
     if not p.impedance or p.senses:
-        found.append(MEASURED.name)
+        columns.append(MEASURED.name)
     if p.site.has_wall:
-        found.append(WALL.name)
-    return [f"{name}.{column}" for column in found]
+        columns.append(WALL.name)
+    return [f"{name}.{column}" for column in columns]
 
 
 def element_names(q: PairParams, p1: AxisParams, p2: AxisParams, law: Law) -> list[str]:

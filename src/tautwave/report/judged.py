@@ -72,8 +72,10 @@ def severity_of(found: list[Judged], *topics: Topic) -> Severity:
 
 
 def _tracking(summary: Summary) -> Judged:
-    found = [high_frequency_share(pair.fast_share, name) for name, pair in summary.pairs.items()]
-    return Judged("tracking", "bad" if any(found) else "info")
+    sentences = [
+        high_frequency_share(pair.fast_share, name) for name, pair in summary.pairs.items()
+    ]
+    return Judged("tracking", "bad" if any(sentences) else "info")
 
 
 def _events(summary: Summary) -> Iterator[Judged]:

@@ -91,11 +91,11 @@ def compare_with_run(directory: Path, rig: Rig, certificate: Mapping[str, Any]) 
 
 def _said(certificate: Certificate) -> dict[str, str]:
     """Return each statement of a certificate, in a word or two."""
-    found = {f"required: {certificate.require}": certificate.state}
-    found |= {name.replace("_", " "): one.state for name, one in certificate.verdicts.items()}
-    found |= {name: one.passive or NOT_SAID for name, one in certificate.elements.items()}
-    found |= {f"loop of {name}": one.state for name, one in certificate.loops.items()}
-    return found
+    verdicts = {f"required: {certificate.require}": certificate.state}
+    verdicts |= {name.replace("_", " "): one.state for name, one in certificate.verdicts.items()}
+    verdicts |= {name: one.passive or NOT_SAID for name, one in certificate.elements.items()}
+    verdicts |= {f"loop of {name}": one.state for name, one in certificate.loops.items()}
+    return verdicts
 
 
 def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -135,7 +135,7 @@ def fit_chain(
         noises = np.repeat(sizes, np.diff([*rows.ends, len(target)]))
     halves = _halves(columns / noises[:, None], (target - columns @ values) / noises, prior)
     base_values = start + spans * values[:count]
-    found = _estimates(base_values, spans * halves[:count])
+    estimates = _estimates(base_values, spans * halves[:count])
     told = tuple(bool(half < TOLD * Z_95) for half in halves[:count])
     own = _estimates(values[count:], halves[count:])
     joints = len(chain.joints)
@@ -148,7 +148,7 @@ def fit_chain(
     spread = _by_joint(rows.target - np.mean(rows.target), rows.ends)
     return ChainFit(
         base,
-        found,
+        estimates,
         told,
         start,
         friction,

@@ -81,7 +81,7 @@ def _bodies(chain: ChainParams, q: Array, v: Array, a: Array) -> Bodies:
     )
     place, spin, change = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     pull = np.broadcast_to(-np.array([chain.gx, chain.gy, chain.gz]), (n, 3))
-    found = Bodies([], [], [], [], [])
+    bodies = Bodies([], [], [], [], [])
     for i, joint in enumerate(chain.joints):
         tilt = np.array([[1.0, 0.0, 0.0], [0.0, joint.ca, -joint.sa], [0.0, joint.sa, joint.ca]])
         shift = turn @ np.array([joint.x, joint.y, joint.z])
@@ -103,9 +103,9 @@ def _bodies(chain: ChainParams, q: Array, v: Array, a: Array) -> Bodies:
         turn = turn @ about
         back = np.swapaxes(turn, 1, 2)
         push, twist = _of_body(_turned(back, pull), _turned(back, spin), _turned(back, change))
-        for one_of, value in zip(found, (turn, place, along, push, twist), strict=True):
+        for one_of, value in zip(bodies, (turn, place, along, push, twist), strict=True):
             one_of.append(value)
-    return found
+    return bodies
 
 
 def _of_body(pull: Array, spin: Array, change: Array) -> tuple[Array, Array]:

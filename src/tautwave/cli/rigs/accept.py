@@ -126,13 +126,13 @@ def accept(
     from tautwave.session.acceptance import document
 
     if verify:
-        found = document.verify(rig, keys)
-        for sentence in found.wrong:
+        verified = document.verify(rig, keys)
+        for sentence in verified.wrong:
             click.echo(sentence, err=True)
-        if not found.wrong:
-            by = f", signed with the key of site {found.signer}" if found.signer else ""
+        if not verified.wrong:
+            by = f", signed with the key of site {verified.signer}" if verified.signer else ""
             click.echo(f"{rig}: unchanged since it was sealed{by}")
-        ctx.exit(2 if found.wrong else 0)
+        ctx.exit(2 if verified.wrong else 0)
     keep = [word.strip() for word in kept.split(",") if word.strip()]
     unknown = [word for word in keep if word not in KEEP]
     if unknown:

@@ -311,12 +311,12 @@ def _rewritten(rig: Path, before: Path) -> None:
     from tautwave.config.text.document import read_text
 
     file = before / "rig.yaml" if before.is_dir() else before
-    found = rewrite_older(read_text(file), str(file))
-    for change in found.changes:
+    rewritten = rewrite_older(read_text(file), str(file))
+    for change in rewritten.changes:
         click.echo(f"{file}: {change}")
-    if not found.changes:
+    if not rewritten.changes:
         click.echo(f"{file}: no key has changed")
-    _write(rig, found.text, "check")
+    _write(rig, rewritten.text, "check")
     load_rig(rig, choose=False)  # what is left to do by hand is said with its line
 
 

@@ -37,12 +37,12 @@ def chain_sections(result: Any, path: Path) -> list[Any]:
     base = [
         (
             fit.base.name(number, result.joints),
-            f"{found.value:.5g}",
-            f"{found.lower:.5g} to {found.upper:.5g}",
+            f"{estimate.value:.5g}",
+            f"{estimate.lower:.5g} to {estimate.upper:.5g}",
             f"{believed:.5g}",
             "" if told else "as believed",
         )
-        for number, (found, believed, told) in enumerate(
+        for number, (estimate, believed, told) in enumerate(
             zip(fit.found, fit.believed, fit.told, strict=True)
         )
     ]

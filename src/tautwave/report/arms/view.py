@@ -122,10 +122,10 @@ def _columns(run: Run, names: Sequence[str], rows: Any) -> Floats | None:
 
 def _places(chain: ChainParams, q: Floats) -> Floats:
     """Return base, joints and tip at every row; a row without a sample repeats the one before."""
-    found = np.zeros((len(q), q.shape[1] + 2, 3))
+    places = np.zeros((len(q), q.shape[1] + 2, 3))
     for row, posture in enumerate(q.tolist()):
         if all(math.isfinite(at) for at in posture):
-            found[row] = arm_points(chain, posture)
+            places[row] = arm_points(chain, posture)
         else:
-            found[row] = found[row - 1]
-    return found
+            places[row] = places[row - 1]
+    return places

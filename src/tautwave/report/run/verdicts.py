@@ -54,19 +54,21 @@ def outcome(run: Run) -> Verdict:
 
 def verdicts(run: Run) -> list[Verdict]:
     """Tracking, what happened, link, books, timing and certificate; the last without a cycle."""
-    found = judged(run.result)
+    judgements = judged(run.result)
     if not run.began:
         return [_certificate(run)]
     link_text = link_sentences(run)
-    link = [Verdict("Link", severity_of(found, "link"), tuple(link_text))] if link_text else []
+    link = [Verdict("Link", severity_of(judgements, "link"), tuple(link_text))] if link_text else []
     return [
-        Verdict("Tracking", severity_of(found, "tracking"), _tracking(run)),
-        *_events(run, severity_of(found, "what happened")),
+        Verdict("Tracking", severity_of(judgements, "tracking"), _tracking(run)),
+        *_events(run, severity_of(judgements, "what happened")),
         *link,
         Verdict(
-            "Energy books", severity_of(found, "energy books", "claims", "motors gave"), _books(run)
+            "Energy books",
+            severity_of(judgements, "energy books", "claims", "motors gave"),
+            _books(run),
         ),
-        Verdict("Timing", severity_of(found, "timing"), _timing(run)),
+        Verdict("Timing", severity_of(judgements, "timing"), _timing(run)),
         _certificate(run),
     ]
 

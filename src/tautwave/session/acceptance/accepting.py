@@ -316,7 +316,9 @@ def _coupled(
     }
     books = {"residual": energy.residual, "generated": energy.generated}
     numbers |= {key: value for key, value in books.items() if value is not None}
-    for pair, found in result.summary.pairs.items():
-        if found.position_error is not None and found.position_error.rms is not None:  # it engaged
-            numbers[f"{pair}.position_error_rms"] = found.position_error.rms
+    for pair, figures in result.summary.pairs.items():
+        if (
+            figures.position_error is not None and figures.position_error.rms is not None
+        ):  # it engaged
+            numbers[f"{pair}.position_error_rms"] = figures.position_error.rms
     yield Check(stage, rig.name, numbers, "a run that ends well", result.exit_code == 0)

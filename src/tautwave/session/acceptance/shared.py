@@ -162,13 +162,13 @@ class _Cleaner:
 
     def lines(self, lines: Sequence[str]) -> list[str]:
         """Return lines of traffic with their buses numbered and serial numbers zero."""
-        found, zeroed = [], _Zeroed()
+        cleaned, zeroed = [], _Zeroed()
         for line in lines:
             at, bus, *rest = line.split()
             if "serial" not in self._keep and len(rest) == 2:
                 rest[1] = zeroed.frame(bus, *rest)
-            found.append(" ".join([at, self._buses.get(bus, bus), *rest]))
-        return found
+            cleaned.append(" ".join([at, self._buses.get(bus, bus), *rest]))
+        return cleaned
 
     def key(self, key: str) -> str:
         """Return a key, or a column's name, with the names in it numbered."""
@@ -331,8 +331,8 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
 
 
 def _rig(folder: Path) -> dict[str, Any]:
-    found = parse_yaml(read_file(folder / "rig.yaml", LARGEST).decode()).value
-    return found if isinstance(found, dict) else {}
+    tree = parse_yaml(read_file(folder / "rig.yaml", LARGEST).decode()).value
+    return tree if isinstance(tree, dict) else {}
 
 
 def _rows(folder: Path, cleaner: _Cleaner) -> dict[str, Any]:

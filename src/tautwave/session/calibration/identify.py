@@ -73,15 +73,15 @@ def identify_axes(
     failed: dict[str, str] = {}
     counter = _Folders(how.out)
     for group in rounds(rig, names):
-        for name, found in _measured(rig, group, talk, how, counter):
-            if isinstance(found, str):
-                failed[name] = found
-                talk.say(f"  {name}: left out: {found}")
+        for name, result in _measured(rig, group, talk, how, counter):
+            if isinstance(result, str):
+                failed[name] = result
+                talk.say(f"  {name}: left out: {result}")
                 continue
-            believed = beliefs(found.fit)
+            believed = beliefs(result.fit)
             keep(name, believed)
             numbers = ", ".join(f"{key} {one['value']:.3g}" for key, one in believed.items())
-            talk.say(f"  {name}: {numbers}; explains {found.fit.explained:.0%}")
+            talk.say(f"  {name}: {numbers}; explains {result.fit.explained:.0%}")
     return failed
 
 
@@ -125,23 +125,23 @@ def _measured(
             for name in pending:
                 yield from _measured(rig, [name], talk, how, folders)
             return
-        for name, found in results.items():
-            if isinstance(found, RecordingError):
+        for name, result in results.items():
+            if isinstance(result, RecordingError):
                 if last:
                     yield (
                         name,
                         (
                             "cannot be identified even at its full effort limit; free it, or raise "
-                            f"effort_limit: {found.__cause__ or found}"
+                            f"effort_limit: {result.__cause__ or result}"
                         ),
                     )
                     continue
                 talk.say(
                     f"  {name}: {share:.0%} of its effort limit does not move it enough; increasing"
                 )
-            elif last or found.fit.damping.lower > 0.0:
+            elif last or result.fit.damping.lower > 0.0:
                 pending.remove(name)
-                yield name, found
+                yield name, result
             else:
                 talk.say(
                     f"  {name}: its damping cannot be distinguished from its friction yet; "

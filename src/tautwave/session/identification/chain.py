@@ -84,11 +84,11 @@ class ChainResult(NamedTuple):
             "base_parameters": [
                 {
                     "name": fit.base.name(number, self.joints),
-                    "found": found._asdict(),
+                    "found": estimate._asdict(),
                     "believed": float(believed),
                     "told": told,
                 }
-                for number, (found, believed, told) in enumerate(
+                for number, (estimate, believed, told) in enumerate(
                     zip(fit.found, fit.believed, fit.told, strict=True)
                 )
             ],
@@ -269,13 +269,13 @@ def _columns(
     if not file.exists():
         raise RecordingError(f"{source}: no such recording")
     header = column_names(file, stated)
-    found = []
+    columns = []
     for what, given, words, option in (
         ("position", position, PLACES, "--position"),
         ("motor's effort", effort, EFFORTS, "--effort"),
     ):
         if given is None:
-            found.append([_named(file, header, one, words, what, option) for one in joints])
+            columns.append([_named(file, header, one, words, what, option) for one in joints])
             continue
         names = [name.strip() for name in given.split(",")]
         if len(names) != len(joints) or not set(names) <= set(header):
@@ -286,8 +286,8 @@ def _columns(
                 f"{', '.join(joints)}"
             )  # fmt: skip
             raise ConfigError(f"{file}: {option}: {why}")
-        found.append(names)
-    return tuple(zip(*found, strict=True))
+        columns.append(names)
+    return tuple(zip(*columns, strict=True))
 
 
 def _named(

@@ -233,13 +233,13 @@ def identify_device(
         The rig is refused, the run ended in a fault or a stop, or the device did not move enough.
     """
     name = axis_to_identify(rig, axis)
-    found = identify_together(
+    results = identify_together(
         rig, [name], out=out, clock=clock, duration_s=duration_s, share=share, reach=reach,
         allow_uncertified=allow_uncertified, simulate=simulate, attach=attach, progress=progress,
     )[name]  # fmt: skip
-    if isinstance(found, RecordingError):
-        raise found
-    return found
+    if isinstance(results, RecordingError):
+        raise results
+    return results
 
 
 def identify_together(
@@ -287,7 +287,7 @@ def identify_together(
     )
     if progress is not None:
         progress(1.0, "fitting")
-    found: dict[str, DeviceResult | RecordingError] = {}
+    results: dict[str, DeviceResult | RecordingError] = {}
     for name, plan in plans.items():
         try:
             with run.heard.raised():
@@ -295,7 +295,7 @@ def identify_together(
                     out / "recording.mcap", name, run.rig, run.delays[name], plan.highest_hz
                 )
         except RecordingError as err:
-            found[name] = err
+            results[name] = err
             continue
         result = DeviceResult(
             name, rig.axes[name].kind, fit, plan, run.seconds, [], out, run.interrupted
@@ -304,8 +304,8 @@ def identify_together(
         text = json.dumps(result.as_dict(), indent=2, ensure_ascii=False)
         file = "identification.json" if len(plans) == 1 else f"identification-{name}.json"
         write_text(out / file, text + "\n")
-        found[name] = result
-    return found
+        results[name] = result
+    return results
 
 
 class ExcitedRun(NamedTuple):
