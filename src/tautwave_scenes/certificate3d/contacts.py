@@ -1,9 +1,11 @@
 """Which contacts between points in space are closed at once, and along which way.
 
 A plane acts along its normal. Two balls touch along a line that depends on where the port is, so
-each of the ports' directions is taken. Of balls that are alike (same law, same mass, same links
-around it near the start), the nearest to its port stands for all; at once are closed those that
-one place of the port reaches while the masses stand where they start.
+each of the ports' directions is taken. So it is of a solid: its potential k d^2 / 2, d the distance
+to the surface from inside, nowhere bends up more than k in any direction, as d^2 is the least of
+squares. Of balls that are alike (same law, same mass, same links around it near the start), the
+nearest to its port stands for all; at once are closed those that one place of the port reaches
+while the masses stand where they start.
 """
 
 from __future__ import annotations
@@ -104,8 +106,8 @@ def together3d(network: Network3d, links: Sequence[Link], near: Tangent) -> list
     for link in sorted(links, key=gap):
         kinds.setdefault((link._replace(name="", a="", b=""), around(link.a), around(link.b)), link)
     groups: list[tuple[Link, ...]] = [(link,) for link in kinds.values()]
-    planes = [link for link in links if link.normal is not None]
-    balls = [link for link in links if link.normal is None]
+    planes = [link for link in links if link.normal is not None or link.solid]
+    balls = [link for link in links if link.normal is None and not link.solid]
     for port in network.ports:
         touching = [link for link in balls if port.name in (link.a, link.b)]
         groups.append((*planes, *max(_reached(touching, port.name, places), key=len, default=())))

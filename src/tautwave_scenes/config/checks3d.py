@@ -11,8 +11,9 @@ from tautwave.config.text.document import Document, nearest, show_path
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
 from tautwave_scenes.config.checks import check_between, named_ends
-from tautwave_scenes.config.keys3d import Scene3d, Vector, mesh_of
+from tautwave_scenes.config.keys3d import Scene3d, Vector, mesh_of, surface_keys
 from tautwave_scenes.config.sounds import check_sound
+from tautwave_scenes.models.solid import solid_size
 from tautwave_scenes.models.tissue.mesh import FACES, Mesh, on_faces, shape_of
 
 GROUND = "ground"
@@ -55,9 +56,9 @@ def _spatial(scene: dict[str, Any]) -> Iterator[KeyPath]:
 
 def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
     """Note mistakes between the blocks of a 3D scene, each of which is valid on its own."""
-    if not _check_tissues(document, scene):
+    if not _check_tissues(document, scene) or not _check_solids(document, scene):
         return
-    known = [*scene.masses, *scene.tissues, *scene.ports, GROUND, *scene.grounds]
+    known = [*scene.masses, *scene.tissues, *scene.ports, GROUND, *scene.grounds, *scene.solids]
     _check_names(document, scene)
     touched: set[str] = set()
     for path, name in named_ends(scene):
@@ -68,6 +69,7 @@ def check_scene3d(document: Document, parts: Parts, scene: Scene3d) -> None:
     for kind, block in (
         ("masses", scene.masses),
         ("tissues", scene.tissues),
+        ("solids", scene.solids),
         ("ports", scene.ports),
     ):
         for name in block:
@@ -121,6 +123,50 @@ def _check_tissues(document: Document, scene: Scene3d) -> bool:
     return good
 
 
+LONG_M, SHORT_M = 5.0, 1e-3
+"""A solid longer or shorter than these has another unit of length than is stated."""
+
+
+def _check_solids(document: Document, scene: Scene3d) -> bool:
+    """Return whether every solid has a surface; note those that have none, or another unit."""
+    good = True
+    for name, keys in scene.solids.items():
+        path: KeyPath = ("scene", "solids", name)
+        try:
+            size = solid_size(surface_keys(keys))
+        except ConfigError as err:
+            document.report((*path, "mesh"), str(err))
+            good = False
+            continue
+        if not SHORT_M <= max(size) <= LONG_M:
+            unit = 0.001 if max(size) > LONG_M else 1.0
+            document.report(
+                (*path, "scale"),
+                f"with {keys.scale:g} m for the file's unit it is {max(size):.4g} m long, and a "
+                f"hand reaches {SHORT_M:g} to {LONG_M:g} m; give the length of the unit, such as "
+                f"{unit:g} (got {keys.scale:g})",
+            )
+            good = False
+    return good
+
+
+def _check_touch(document: Document, scene: Scene3d, name: str) -> None:
+    """Note a link with a solid that is no contact of a point with it."""
+    link, path = scene.links[name], ("scene", "links", name)
+    solid = next(end for end in link.between if end in scene.solids)
+    if link.type != "contact":
+        document.report((*path, "type"), f"{solid} is a solid: only a contact ends at it")
+    elif link.between[1] != solid or link.between[0] in scene.solids:
+        document.report((*path, "between"), f"name what touches first, then the solid {solid}")
+    elif link.between[0] in (GROUND, *scene.grounds):
+        document.report((*path, "between"), "neither end can move")
+    elif link.gap != 0.0 or link.normal is not None:
+        key = "normal" if link.normal is not None else "gap"
+        document.report(
+            (*path, key), f"a contact with a solid begins at its surface, along it; remove {key}"
+        )
+
+
 def _wrong_inclusion(mesh: Mesh, inclusions: Sequence[str]) -> str:
     """Say which inclusion is no body of the mesh, or which two share a tetrahedron; '' if none."""
     bodies = dict(mesh.bodies)
@@ -148,9 +194,10 @@ def _check_names(document: Document, scene: Scene3d) -> None:
         ("tissues", scene.tissues),
         ("ports", scene.ports),
         ("grounds", scene.grounds),
+        ("solids", scene.solids),
     ):
         for name in block:
-            grouped = kind != "grounds"
+            grouped = kind not in ("grounds", "solids")
             nodes = {name, *scene.nodes_of(name)} if grouped else {name}
             for node in sorted(nodes & seen)[:1]:
                 document.report(("scene", kind, name), f"another node is already named {node!r}")
@@ -158,9 +205,12 @@ def _check_names(document: Document, scene: Scene3d) -> None:
 
 
 def _check_links(document: Document, scene: Scene3d) -> None:
-    fixed = {GROUND, *scene.grounds}
+    fixed = {GROUND, *scene.grounds, *scene.solids}
     for name, link in scene.links.items():
         check_between(document, scene, name)
+        if scene.solids.keys() & set(link.between):
+            _check_touch(document, scene, name)
+            continue
         one, two = link.between
         if link.chain and one in scene.tissues:
             document.report(("scene", "links", name, "chain"), "only masses can be linked in a row")

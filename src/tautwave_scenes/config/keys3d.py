@@ -33,6 +33,8 @@ from tautwave_scenes.config.keys import (
     TapForce,
 )
 from tautwave_scenes.config.mesh_files import read_mesh
+from tautwave_scenes.config.solid_files import read_solid
+from tautwave_scenes.models.solid import Solid, placed_solid
 from tautwave_scenes.models.tissue.mesh import CELL, MAX_TETRAHEDRA, Mesh, block, on_faces, placed
 
 Vector = tuple[float, float, float]
@@ -132,8 +134,23 @@ class Tissue3d(Block):
     )
 
 
+class Solid3d(Block):
+    """A solid that does not move, a wall of any shape: links of type contact end at it."""
+
+    mesh: str = Field(
+        description="STL (ASCII, binary) or OBJ file of its surface, which has to be closed."
+    )
+    scale: Positive = Field(
+        default=1.0, description="[m] Length of the mesh file's unit: 0.001 for mm."
+    )
+    turn: Vector = Field(
+        default=ZERO, description="[rad] Rotation vector by which the file's shape is turned first."
+    )
+    position: Vector = Field(default=ZERO, description="[m] Where the mesh's origin is.")
+
+
 class ContactLink3d(ContactLink):
-    """A contact of two spheres, or of a point and a plane, that only pushes."""
+    """A contact of two spheres, or of a point and a plane or a solid, that only pushes."""
 
     gap: float = Field(
         default=0.0, description="[m] Contact begins below this distance: the sum of both radii."
@@ -236,6 +253,9 @@ class Scene3d(ControlKeys):
     tissues: dict[Name, Tissue3d] = Field(
         default_factory=dict, description="Soft bodies of tetrahedra, by name."
     )
+    solids: dict[Name, Solid3d] = Field(
+        default_factory=dict, description="Walls of any shape, by name."
+    )
     grounds: dict[Name, Vector] = Field(
         default_factory=dict, description="[m] Fixed nodes by name; `ground` is at the origin."
     )
@@ -333,6 +353,29 @@ def mesh_of(keys: Tissue3d) -> Mesh:
         return placed(mesh, keys.scale, keys.position)
     assert keys.block is not None
     return block(keys.block.size, keys.block.cells, keys.position)
+
+
+def surface_keys(keys: Solid3d) -> Solid:
+    """Return the surface of a solid in the scene.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or encloses nothing.
+    """
+    path = Path(keys.mesh)
+    try:
+        solid = _read_solid(path, path.stat().st_mtime_ns)
+    except OSError as err:
+        raise ConfigError(f"{path.name} cannot be read: {err.strerror}") from err
+    except ValueError as err:
+        raise ConfigError(str(err)) from err
+    return placed_solid(solid, keys.scale, keys.turn, keys.position)
+
+
+@functools.lru_cache(maxsize=8)
+def _read_solid(path: Path, _: int) -> Solid:
+    return read_solid(path)
 
 
 @functools.lru_cache(maxsize=8)

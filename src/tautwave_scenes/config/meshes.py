@@ -1,4 +1,4 @@
-"""Which mesh files the tissues of a scene name."""
+"""Which mesh files the tissues and solids of a scene name."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from tautwave.config.text.document import Document
 
 def name_meshes(document: Document) -> None:
     """Make the paths of mesh files absolute; relative ones start at the rig file."""
-    tissues = document.get(("scene", "tissues"))
-    for name, keys in tissues.items() if isinstance(tissues, dict) else ():
-        file = keys.get("mesh") if isinstance(keys, dict) else None
-        if isinstance(file, str):
-            absolute = find_recording(document, ("scene", "tissues", name, "mesh"), file)
-            keys["mesh"] = str(absolute or (document.folder / file).resolve())
+    for kind in ("tissues", "solids"):
+        bodies = document.get(("scene", kind))
+        for name, keys in bodies.items() if isinstance(bodies, dict) else ():
+            file = keys.get("mesh") if isinstance(keys, dict) else None
+            if isinstance(file, str):
+                absolute = find_recording(document, ("scene", kind, name, "mesh"), file)
+                keys["mesh"] = str(absolute or (document.folder / file).resolve())

@@ -28,7 +28,8 @@ class Link(NamedTuple):
     `kind` is one of `models.link_kinds`; `limit` is the yield or friction force [N] or a source's
     power [W]; `loss` Hunt and Crossley's [s/m]; `scale` the speed [m/s] at which friction
     saturates. Between points of three dimensions (`networks3d`) stretch is their distance less
-    `rest`, along a `normal` if there is one: a plane.
+    `rest`, along a `normal` if there is one: a plane. With `solid`, `b` is one, and stretch is the
+    distance from its surface, below 0 inside.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Link(NamedTuple):
     limit: float = 0.0
     scale: float = 1e-3
     normal: tuple[float, float, float] | None = None
+    solid: bool = False
 
 
 class String(NamedTuple):

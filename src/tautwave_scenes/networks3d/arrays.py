@@ -6,10 +6,13 @@ same arrays are lists of floats live and NumPy arrays in compiled code (`simulat
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from itertools import accumulate, permutations
 from typing import Any, NamedTuple
 
+from tautwave_scenes.models.solid import Solid, laid_out
+from tautwave_scenes.models.surface import FACE, NODE, surface_of
 from tautwave_scenes.networks.compiling import connected, link_fields, ordered_links
 from tautwave_scenes.networks.network import Link
 from tautwave_scenes.networks3d.elements import ELEMENT_INDICES, Elements, lay_elements
@@ -29,6 +32,9 @@ class Arrays3d(NamedTuple):
     `networks.compiling.Arrays`, `weight` (3 n); `flat` (l) is 1 where a link acts along its
     `normal` (3 l); `links_first` (n + p + 1) and `links_of` are of masses and ports; `islands`
     and `island_first`: masses to be solved together; `axis_port`, `axis_way` (3 q), `origin` (3 p).
+    A link with a solid has its number, from 2 on, in `flat`; `roots` says for each its first node,
+    the node after its last, its first triangle, in `tree`, `boxes` and `faces` of all solids, which
+    are those of `models.surface`. `near` (l) is the triangle that was nearest last.
 
     State: `x`, `v`, `force` (3 N), `pushed` (3 n); of each link `tension`, its elastic share
     `elastic`, `stretch`, `way` and `apart` (3 l: direction of the pull, and vector from b to a),
@@ -81,12 +87,18 @@ class Arrays3d(NamedTuple):
     mass_numeric: Numbers
     port_work: Numbers
     work: Numbers
+    roots: Numbers
+    tree: Numbers
+    boxes: Numbers
+    faces: Numbers
+    near: Numbers
     elements: Elements
 
 
 INDEX_FIELDS = (
     *("count", "kind", "a", "b", "flat", "links_first", "links_of"),
     *("islands", "island_first", "axis_port"),
+    *("roots", "tree", "near"),
     *ELEMENT_INDICES,
 )
 
@@ -145,7 +157,13 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
     islands = connected(near)
     size = len(links)
     apart = [tuple(x[3 * a + c] - x[3 * b + c] for c in range(3)) for a, b in ends]
+    surfaces, numbers = _lay_solids(network.solids)
+    flat = [numbers[link.b] if link.solid else 0 if link.normal is None else 1 for link in links]
+    nearest = [surfaces["roots"][3 * (number - 2) + 2] if number > 1 else 0 for number in flat]
     stretch = [_stretch(link, gap) for link, gap in zip(links, apart, strict=True)]
+    for i, (one, _) in enumerate(ends):
+        if flat[i] > 1:
+            stretch[i], nearest[i] = _depth(surfaces, flat[i], nearest[i], x[3 * one : 3 * one + 3])
     elements, tissues = lay_elements(network.elements, at, count)
     arrays = Arrays3d(
         count=[count, len(network.ports), size, len(axis_port)],
@@ -155,7 +173,7 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         weight=[mass.mass * part for mass in network.masses for part in network.gravity],
         a=[one for one, _ in ends],
         b=[two for _, two in ends],
-        flat=[0 if link.normal is None else 1 for link in links],
+        flat=flat,
         normal=_flat([unit(link.normal or ORIGIN) for link in links]),
         links_first=list(accumulate(map(len, of_node), initial=0)),
         links_of=[index for indices in of_node for index in indices],
@@ -178,6 +196,8 @@ def compile_network3d(network: Network3d, axes_at: Sequence[float] = ()) -> Comp
         mass_numeric=[0.0] * count,
         port_work=[0.0] * len(network.ports),
         work=[0.0] * (ROWS * 3 * count),
+        near=nearest,
+        **surfaces,
         elements=elements,
         **link_fields(links, stretch),
     )
@@ -196,6 +216,38 @@ def port_places(network: Network3d, axes_at: Sequence[float]) -> list[Vector]:
             where = [one + moved * part for one, part in zip(where, unit(way), strict=True)]
         places.append((where[0], where[1], where[2]))
     return places
+
+
+_laid_out = functools.lru_cache(maxsize=8)(laid_out)
+"""Once for each solid: a network is compiled whenever its run is engaged."""
+
+
+def _lay_solids(solids: Sequence[tuple[str, Solid]]) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return the fields of all solids, and their numbers in `flat` by name."""
+    roots: list[int] = []
+    tree: list[int] = []
+    boxes: list[float] = []
+    faces: list[float] = []
+    for _, solid in solids:
+        laid = _laid_out(solid)
+        node, triangle = len(tree) // NODE, len(faces) // FACE
+        roots += [node, node + len(laid.tree) // NODE, triangle]
+        for skip, own in zip(laid.tree[::NODE], laid.tree[1::NODE], strict=True):
+            tree += [node + skip, triangle + own if own >= 0 else -1]
+        boxes += laid.boxes
+        faces += laid.faces
+    fields = {"roots": roots, "tree": tree, "boxes": boxes, "faces": faces}
+    return fields, {name: 2 + number for number, (name, _) in enumerate(solids)}
+
+
+def _depth(
+    surfaces: dict[str, Any], number: int, guess: int, where: Sequence[float]
+) -> tuple[float, int]:
+    """Return the distance of a place from a solid's surface [m], and the triangle there."""
+    first, end = surfaces["roots"][3 * (number - 2) : 3 * (number - 2) + 2]
+    laid = surfaces["tree"], surfaces["boxes"], surfaces["faces"]
+    found = surface_of(*laid, first, end, guess, where[0], where[1], where[2])
+    return found[0], found[4]
 
 
 def _flat(vectors: Sequence[Sequence[float]]) -> list[float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from tautwave_scenes.models.solid import Solid
 from tautwave_scenes.networks.network import GROUND, Link, Mass, Network
 from tautwave_scenes.networks.pruning import prune
 from tautwave_scenes.networks3d.elements import Element
@@ -45,8 +46,8 @@ class Network3d(NamedTuple):
     """Masses, links, ports and grounds (name, position [m]); `gravity` [m/s**2] is a vector.
 
     `forced` are masses and the unit vectors of their external forces; `elements` tetrahedra of
-    tissue between masses and grounds; `tools` carry ports that follow each other, with the axes
-    `NAME.x`, `NAME.y` and `NAME.z`.
+    tissue between masses and grounds; `solids` surfaces, at their place, by the name of a ground;
+    `tools` carry ports that follow each other, with the axes `NAME.x`, `NAME.y` and `NAME.z`.
     """
 
     masses: tuple[Mass3d, ...]
@@ -58,6 +59,7 @@ class Network3d(NamedTuple):
     gravity: Vector = ORIGIN
     elements: tuple[Element, ...] = ()
     tools: tuple[Tool3d, ...] = ()
+    solids: tuple[tuple[str, Solid], ...] = ()
 
     @property
     def grips(self) -> tuple[tuple[str, tuple[str, ...]], ...]:

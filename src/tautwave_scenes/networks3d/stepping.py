@@ -22,6 +22,7 @@ from tautwave_scenes.models.interaction import (
     yielded,
 )
 from tautwave_scenes.networks3d.arrays import Arrays3d
+from tautwave_scenes.networks3d.tension import is_beside, surface_at
 
 
 def set_forces3d(s: Arrays3d) -> None:
@@ -37,7 +38,15 @@ def set_forces3d(s: Arrays3d) -> None:
         dy = x[one + 1] - x[two + 1]
         dz = x[one + 2] - x[two + 2]
         kind = s.kind[i]
-        if s.flat[i]:
+        if s.flat[i] > 1:
+            shut = s.elastic[i] != 0.0 or s.z[i] != 0.0
+            if not shut and is_beside(s, i, x[one], x[one + 1], x[one + 2]):
+                continue
+            far, nx, ny, nz = surface_at(s, i, x[one], x[one + 1], x[one + 2])
+            d = far - s.rest[i]
+            if d >= 0.0 and not shut:
+                continue
+        elif s.flat[i]:
             nx = s.normal[at]
             ny = s.normal[at + 1]
             nz = s.normal[at + 2]

@@ -5,6 +5,11 @@ along (D + D')/(r + r') with its mean tension over r' - r: its work is then exac
 its potential, whatever the step, and it exerts no torque. At r = r' = 0 there is no force. Dampers
 and friction take the rate (r' - r)/T.
 
+The stretch of a contact with a solid is the distance f from its surface. With n its gradient before
+the step of movement s it pulls along n + (f' - f - n . s) s/|s|^2: again its work is the change of
+its potential to rounding, over edges, corners, and where the nearest face changes deep inside.
+There f has no gradient, but it is as continuous as anywhere, and so is the pull, with n of before.
+
 Sources: LaBudde & Greenspan 1976; Gonzalez 1996.
 """
 
@@ -23,12 +28,37 @@ from tautwave_scenes.models.interaction import (
     rate_tension,
     yielded,
 )
+from tautwave_scenes.models.surface import beside_box, surface_of
 from tautwave_scenes.networks3d.arrays import Arrays3d
 
 
+def surface_at(
+    s: Arrays3d, i: int, x: float, y: float, z: float
+) -> tuple[float, float, float, float]:
+    """Return the distance of a place from the surface of a link's solid [m], and its gradient."""
+    root = 3 * (s.flat[i] - 2)
+    first = s.roots[root]
+    end = s.roots[root + 1]
+    far, nx, ny, nz, triangle = surface_of(s.tree, s.boxes, s.faces, first, end, s.near[i], x, y, z)
+    s.near[i] = triangle
+    return far, nx, ny, nz
+
+
+def is_beside(s: Arrays3d, i: int, x: float, y: float, z: float) -> bool:
+    """Return whether a place is outside the box around a link's solid."""
+    return bool(beside_box(s.boxes, s.roots[3 * (s.flat[i] - 2)], x, y, z) > 0.0)
+
+
+_STILL = 1e-24
+"""[m^2] Of a movement: below it the surface is a plane."""
+
+
 def length_of(s: Arrays3d, i: int) -> float:
-    """Return the distance of the ends of a link, along its normal if it has one."""
+    """Return the distance of a link's ends, along its normal if it has one, or from its solid."""
     one = 3 * s.a[i]
+    if s.flat[i] > 1:
+        far, _, _, _ = surface_at(s, i, s.x[one], s.x[one + 1], s.x[one + 2])
+        return far
     two = 3 * s.b[i]
     dx = s.x[one] - s.x[two]
     dy = s.x[one + 1] - s.x[two + 1]
@@ -41,6 +71,10 @@ def length_of(s: Arrays3d, i: int) -> float:
 
 def link_way(s: Arrays3d, i: int) -> list[float]:
     """Return the direction from b to a of a link, (0, 0, 0) if its ends coincide."""
+    if s.flat[i] > 1:
+        one = 3 * s.a[i]
+        _, nx, ny, nz = surface_at(s, i, s.x[one], s.x[one + 1], s.x[one + 2])
+        return [nx, ny, nz]
     if s.flat[i]:
         return [float(s.normal[3 * i + c]) for c in range(3)]
     r = length_of(s, i)
@@ -56,6 +90,10 @@ def jump_links(s: Arrays3d, port: int) -> None:
         kind = s.kind[i]
         if kind >= FRICTION or s.k[i] == 0.0:
             continue
+        if s.flat[i] > 1 and s.stored[i] == 0.0:
+            one = 3 * s.a[i]
+            if is_beside(s, i, s.x[one], s.x[one + 1], s.x[one + 2]):
+                continue
         d = length_of(s, i) - s.rest[i] - s.set_in[i]
         if kind == CONTACT and d >= 0.0 and s.stored[i] == 0.0:
             continue
@@ -99,7 +137,38 @@ def pull_link(s: Arrays3d, i: int, row: int, period: float) -> None:
         sz = sz - s.work[row + two + 2]
     ex = ey = ez = 0.0  # direction at the end, for the derivative
     both = 0.0
-    if s.flat[i]:
+    moved = 0.0
+    if s.flat[i] > 1:
+        dx = s.x[one]
+        dy = s.x[one + 1]
+        dz = s.x[one + 2]
+        gx = dx + sx
+        gy = dy + sy
+        gz = dz + sz
+        if is_beside(s, i, dx, dy, dz) and is_beside(s, i, gx, gy, gz):
+            s.tension[i] = s.elastic[i] = s.side[i] = s.apart[at] = 0.0
+            s.bend[at] = s.bend[at + 1] = s.bend[at + 2] = 0.0
+            s.way[at] = s.way[at + 1] = s.way[at + 2] = 0.0
+            return
+        d, ex, ey, ez = surface_at(s, i, dx, dy, dz)
+        s.way[at] = ex
+        s.way[at + 1] = ey
+        s.way[at + 2] = ez
+        square = sx * sx + sy * sy + sz * sz
+        if square > _STILL:
+            far, fx, fy, fz = surface_at(s, i, gx, gy, gz)
+            moved = far - d
+            lack = (moved - (ex * sx + ey * sy + ez * sz)) / square
+            s.way[at] = ex + lack * sx
+            s.way[at + 1] = ey + lack * sy
+            s.way[at + 2] = ez + lack * sz
+            ex = fx
+            ey = fy
+            ez = fz
+        else:
+            moved = ex * sx + ey * sy + ez * sz
+        d = d - s.rest[i]
+    elif s.flat[i]:
         ex = s.normal[at]
         ey = s.normal[at + 1]
         ez = s.normal[at + 2]
@@ -127,7 +196,8 @@ def pull_link(s: Arrays3d, i: int, row: int, period: float) -> None:
             ey = gy / end
             ez = gz / end
         d = r - s.rest[i]
-    moved = s.way[at] * sx + s.way[at + 1] * sy + s.way[at + 2] * sz
+    if s.flat[i] < 2:
+        moved = s.way[at] * sx + s.way[at + 1] * sy + s.way[at + 2] * sz
     s.apart[at] = moved
     kind = s.kind[i]
     if kind == CONTACT and d >= 0.0 and d + moved >= 0.0 and s.z[i] == 0.0:

@@ -131,12 +131,16 @@ def _balls(view: View3d) -> dict[str, float]:
     ports = {port.name for port in view.network.ports}
     radii: dict[str, float] = {}
     for link in view.network.links:
-        if LINK_KINDS[link.kind].one_way and link.normal is None:
+        if LINK_KINDS[link.kind].one_way and link.normal is None and not link.solid:
             hands = [end for end in (link.a, link.b) if end in ports]
             for end in hands or (link.a, link.b):
                 radius = link.rest if hands else 0.5 * link.rest
                 radii[end] = max(radii.get(end, 0.0), radius)
     return radii
+
+
+FACES_DRAWN = 300
+"""Triangles of a solid that are drawn; of more, some."""
 
 
 def _planes(view: View3d, rows: slice) -> list[Floats]:
@@ -160,6 +164,9 @@ def _planes(view: View3d, rows: slice) -> list[Floats]:
         other = np.cross(way, side)
         corners = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
         planes.append(np.array([middle + size * (i * side + j * other) for i, j in corners]))
+    for _, solid in view.network.solids:
+        thin = max(1, len(solid.triangles) // FACES_DRAWN)
+        planes += [np.array([solid.points[at] for at in one]) for one in solid.triangles[::thin]]
     return planes
 
 

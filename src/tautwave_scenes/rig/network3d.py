@@ -10,7 +10,7 @@ from typing import Any
 from tautwave.config import Rig
 from tautwave.rig.truth import SEED_WORD
 from tautwave.types import CommandDelay
-from tautwave_scenes.config.keys3d import Link3d, Scene3d, Tissue3d, Vector, mesh_of
+from tautwave_scenes.config.keys3d import Link3d, Scene3d, Tissue3d, Vector, mesh_of, surface_keys
 from tautwave_scenes.models.tissue.mesh import Mesh, on_faces
 from tautwave_scenes.networks.network import GROUND, Link
 from tautwave_scenes.networks.signals import force_signal
@@ -58,6 +58,8 @@ def whole_network3d(rig: Rig) -> Network3d:
                 grounds.append((node, place))
             else:
                 masses.append(Mass3d(node, keys.mass, place, keys.velocity, keys.damping))
+    solids = [(name, surface_keys(keys)) for name, keys in scene.solids.items()]
+    grounds += [(name, keys.position) for name, keys in scene.solids.items()]
     elements: list[Element] = []
     for name, body in scene.tissues.items():
         mesh = mesh_of(body)
@@ -86,6 +88,7 @@ def whole_network3d(rig: Rig) -> Network3d:
         ),
         gravity=down if isinstance(down, tuple) else (0.0, 0.0, -down),
         elements=tuple(elements),
+        solids=tuple(solids),
         tools=tuple(
             _tool(scene, name) for name, port in scene.ports.items() if port.points is not None
         ),
@@ -156,8 +159,8 @@ def _links(scene: Scene3d, name: str, keys: Link3d) -> list[Link]:
         count = max(len(one), len(two))
         pairs = list(zip(one * (count // len(one)), two * (count // len(two)), strict=True))
     fixed = scene.rim_of(keys.between[0]) | scene.rim_of(keys.between[1])
-    fixed |= {GROUND, *scene.grounds}
-    laws = _law(keys)
+    fixed |= {GROUND, *scene.grounds, *scene.solids}
+    laws = _law(keys) | {"solid": keys.between[1] in scene.solids}
     return [
         Link(name if len(pairs) == 1 else f"{name}{at + 1}", keys.type, a, b, **laws)
         for at, (a, b) in enumerate(pairs)

@@ -13,7 +13,7 @@ from tautwave_scenes.rig.network import hold_claim, keys_of, scheme_choice
 from tautwave_scenes.rig.network import keep_sounds as keep_files
 from tautwave_scenes.runtime.axes import SceneControl
 from tautwave_scenes.session.pace import choose_engine, hold_fact, pace_fact, use_engine
-from tautwave_scenes.session.plan import plan, tissue_facts
+from tautwave_scenes.session.plan import plan, solid_facts, tissue_facts
 
 __all__ = [
     "choose_engine",
@@ -42,6 +42,7 @@ def facts(rig: Rig, *, brief: bool) -> list[tuple[str, str]]:
     `brief` leaves out the cost, for which a hundred cycles have to be run.
     """
     tissues = [(f"tissue {name}", text) for name, text in tissue_facts(rig)]
+    tissues += [(f"solid {name}", text) for name, text in solid_facts(rig)]
     if not brief:
         tissues.append(("scene time", pace_fact(rig)))
     return [*tissues, ("scene limit", hold_fact(rig))]

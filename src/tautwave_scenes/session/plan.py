@@ -8,7 +8,8 @@ from typing import NamedTuple
 from tautwave.config import Rig
 from tautwave.session.plan import NOT_IN_RIG
 from tautwave_scenes.config.keys import Scene
-from tautwave_scenes.config.keys3d import Scene3d, mesh_of
+from tautwave_scenes.config.keys3d import Scene3d, mesh_of, surface_keys
+from tautwave_scenes.models.solid import solid_size, volume_of
 from tautwave_scenes.models.tissue.mesh import shape_of
 
 
@@ -67,6 +68,10 @@ def _scene3d(rig: Rig) -> Iterator[Line]:
             for group, part in body.inclusions.items()
         )
         yield Line(f"tissue {name}", count > 0, what, "no port feels it")
+    for name in keys.solids:
+        yield Line(
+            f"solid {name}", True, f"of {len(dict(network.solids)[name].triangles)} triangles"
+        )
     for name, port in keys.ports.items():
         moved = f"moved by {', '.join(keys.movers_of(name))}"
         moved += f", turned by {', '.join(port.turns)}" if port.turns else ""
@@ -103,6 +108,19 @@ def tissue_facts(rig: Rig) -> Iterator[tuple[str, str]]:
                 if keys.mesh is not None
                 else "; doubtful: sizes are in m, densities in kg/m^3"
             )
+        yield name, text
+
+
+def solid_facts(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield each solid, its triangles, size and volume, and what of its file is left out."""
+    if not isinstance(rig.scene, Scene3d):
+        return
+    for name, keys in rig.scene.solids.items():
+        solid = surface_keys(keys)
+        size = " x ".join(f"{edge:.3g}" for edge in solid_size(solid))
+        text = f"{len(solid.triangles)} triangles, {size} m, {1e6 * volume_of(solid):.4g} cm^3"
+        for count, what in ((solid.flat, "without an area"), (solid.doubled, "doubled")):
+            text += f"; {count} {what} left out" if count else ""
         yield name, text
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tautwave_scenes.models import interaction
+from tautwave_scenes.models import interaction, surface
 from tautwave_scenes.models.tissue import algebra, element
 from tautwave_scenes.networks import ledger
 from tautwave_scenes.networks.schemes import gradient, islands, kutta, stepping, tension
@@ -16,7 +16,7 @@ from tautwave_scenes.simulation import cycle as live_scene
 from tautwave_scenes.simulation import steps, tick, tick3d
 
 SOURCES = (
-    *(interaction, algebra, element),
+    *(interaction, surface, algebra, element),
     *(stepping, tension, islands, gradient, kutta, ledger),
     *(stepping3d, tension3d, straining3d, solving3d, ledger3d),
     *(steps, tick, tick3d, hold, live_scene),

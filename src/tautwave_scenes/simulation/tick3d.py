@@ -92,18 +92,18 @@ def tick_network3d(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
         f[at[84] : at[85]],
         f[at[86] : at[87]],
         f[at[88] : at[89]],
+        w[at[90] : at[91]],
+        w[at[92] : at[93]],
+        f[at[94] : at[95]],
+        f[at[96] : at[97]],
+        w[at[98] : at[99]],
         Elements(
-            w[at[90] : at[91]],
-            w[at[92] : at[93]],
-            w[at[94] : at[95]],
-            w[at[96] : at[97]],
-            w[at[98] : at[99]],
             w[at[100] : at[101]],
-            f[at[102] : at[103]],
-            f[at[104] : at[105]],
-            f[at[106] : at[107]],
-            f[at[108] : at[109]],
-            f[at[110] : at[111]],
+            w[at[102] : at[103]],
+            w[at[104] : at[105]],
+            w[at[106] : at[107]],
+            w[at[108] : at[109]],
+            w[at[110] : at[111]],
             f[at[112] : at[113]],
             f[at[114] : at[115]],
             f[at[116] : at[117]],
@@ -115,14 +115,19 @@ def tick_network3d(f: Any, w: Any, at: Any, scheme: int, period: float) -> int:
             f[at[128] : at[129]],
             f[at[130] : at[131]],
             f[at[132] : at[133]],
+            f[at[134] : at[135]],
+            f[at[136] : at[137]],
+            f[at[138] : at[139]],
+            f[at[140] : at[141]],
+            f[at[142] : at[143]],
         ),
     )
-    axes_at = f[at[134] : at[135]]
-    pushes = f[at[136] : at[137]]
-    ways = f[at[138] : at[139]]
-    efforts = f[at[140] : at[141]]
-    ledger = f[at[142] : at[143]]
-    forced = w[at[144] : at[145]]
+    axes_at = f[at[144] : at[145]]
+    pushes = f[at[146] : at[147]]
+    ways = f[at[148] : at[149]]
+    efforts = f[at[150] : at[151]]
+    ledger = f[at[152] : at[153]]
+    forced = w[at[154] : at[155]]
     tries = 0
     for j in range(len(forced)):
         for c in range(3):
