@@ -24,7 +24,7 @@ from tautwave.report.run.complete import complete_summary, write_summary
 from tautwave.report.run.loading import load_run
 from tautwave.report.run.warnings import with_warnings
 from tautwave.rig import BusWay, real_buses
-from tautwave.session import reporting, running
+from tautwave.session import admitting, reporting
 
 
 def tautwave(*words: object, cwd: Path) -> Result:
@@ -52,7 +52,7 @@ def keep_in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
         write_summary(run)
         return SimpleNamespace(returncode=0, stderr="")
 
-    monkeypatch.setattr(running, "certificate_of", certificate_of)
+    monkeypatch.setattr(admitting, "certificate_of", certificate_of)
     monkeypatch.setattr(reporting, "subprocess", SimpleNamespace(run=complete))
 
 

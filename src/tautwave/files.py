@@ -51,6 +51,22 @@ def reason(error: OSError) -> str:
     return error.strerror or str(error) or type(error).__name__
 
 
+def refuse_unwritable(places: Iterable[Path], command: str, what: str) -> None:
+    """Refuse before all the questions of a command what could not be written after them.
+
+    Raises
+    ------
+    ConfigError
+        A place may not be written to.
+    """
+    for place in places:
+        if not os.access(place, os.W_OK):
+            raise ConfigError(
+                f"{command}: {place} is not writable, and {what} is stored next to the rig file; "
+                "copy the rig to a directory that you can write to"
+            )
+
+
 def make_directory(path: Path) -> None:
     """Make a directory and its parents.
 

@@ -53,12 +53,12 @@ write_summary(run)
 SLOW = "CHILD = 'import time; time.sleep(60)'"
 CERTIFYING = """
 import sys, time
-from tautwave.session import running
+from tautwave.session import admitting
 def certificate_of(rig, ways):
     sys.stderr.write("certifying\\n")
     sys.stderr.flush()
     time.sleep(60)
-running.certificate_of = certificate_of
+admitting.certificate_of = certificate_of
 """
 
 

@@ -26,7 +26,7 @@ OWNERS = {
 }
 ALLOWED = {
     "src/tautwave/rig/truth.py": "hands the limits of the simulated truth to the hardware",
-    "src/tautwave/rig/arms.py": "says of which limit a load takes too much, before it is shared",
+    "src/tautwave/rig/arms.py": "of a load, before it is shared; and the keys of a gentle rig",
     "src/tautwave/rig/clips.py": "the key is a wall's own share, not its motor's limit",
     "src/tautwave/rig/led.py": "makes a key of a key: what a policy's hand may press with",
     "src/tautwave_scenes/rig/network.py": "a speed to choose a scheme for, without a limit",
@@ -41,7 +41,6 @@ ALLOWED = {
     "src/tautwave/session/plan.py": "text: what is in and what is left out",
     "src/tautwave/session/checking.py": "text: what the rig states",
     "src/tautwave/session/facts.py": "text: what the rig states",
-    "src/tautwave/session/acceptance/accepting.py": "makes a key of a key: a gentle rig",
     "src/tautwave/session/acceptance/guides.py": "asks for a share; the controller limits it",
     "src/tautwave/session/acceptance/motion.py": "asks for a share; the controller limits it",
     "src/tautwave/session/acceptance/sensors.py": "an upper bound of friction: the motor's effort",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -19,7 +20,7 @@ from hypothesis import strategies as st
 from tautwave import read_recording
 from tautwave.cli import main
 from tautwave.config import load_rig
-from tautwave.errors import ConfigError, DeviceFault
+from tautwave.errors import ConfigError, DeviceFault, NotCertifiedError
 from tautwave.session.acceptance import accepting
 from tautwave.session.acceptance.accepting import Accepted
 from tautwave.session.acceptance.accepting import accept as lead
@@ -28,13 +29,7 @@ from tautwave.session.acceptance.document import FILE, Check, verify
 from tautwave.session.acceptance.ladder import FREE, STAGES
 from tautwave.session.acceptance.waiting import WAIT_S, apart, middles, wait_for_place
 from tautwave.session.guided.answers import (
-    Declined,
-    Misread,
     Scripted,
-    Typed,
-    confirmed,
-    number,
-    one_of,
     read_answers,
 )
 from tautwave.session.guided.running import Conversation, Ways
@@ -193,44 +188,6 @@ def test_what_cannot_be_read_is_asked_again(tmp_path: Path) -> None:
     assert measured["slave.leverscale"]["known_rad"] == pytest.approx(math.radians(30.0))
 
 
-@given(st.text(max_size=8))
-def test_every_answer_is_read_asked_again_or_a_no(answer: str) -> None:
-    for read in (confirmed, number, one_of("+", "-", "0"), one_of("", "r", "q")):
-        try:
-            value = read(answer)
-        except (Declined, Misread):
-            continue
-        assert read is not confirmed or answer.lower() in ("", "y", "yes")
-        assert read is not number or math.isfinite(value)
-
-
-def test_what_a_person_typed_before_a_question_starts_nothing() -> None:
-    ours, theirs = os.openpty()
-    try:
-        typed = Typed(theirs)
-        typed.ask(0)
-        os.write(ours, b"\n\n\n")  # three times Enter, for one question
-        assert typed.take(0) == ""
-        typed.ask(0)
-        assert typed.take(0) is None
-        os.write(ours, b"30\n")
-        assert typed.take(0) == "30"
-    finally:
-        os.close(ours)
-        os.close(theirs)
-
-
-def test_lines_of_a_program_are_kept_for_their_questions() -> None:
-    ours, theirs = os.pipe()
-    os.write(theirs, b"\n+\n")
-    os.close(theirs)
-    typed = Typed(ours)
-    for answer in ("", "+"):
-        typed.ask(0)
-        assert typed.take(0) == answer
-    os.close(ours)
-
-
 # -- resumed ----------------------------------------------------------------------------------
 
 
@@ -273,9 +230,21 @@ def test_an_end_before_anything_was_passed_leaves_no_document(
     assert not (tmp_path / "out" / FILE).exists()
 
 
-def changed_rig(folder: Path) -> None:
-    text = (folder / "rig.yaml").read_text()
-    (folder / "rig.yaml").write_text(f"{text}\n# changed\n")
+def change(folder: Path, *path: str, to: Any) -> None:
+    """Write the rig anew with one key changed."""
+    data = block = yaml.safe_load((folder / "rig.yaml").read_text())
+    for key in path[:-1]:
+        block = block[key]
+    block[path[-1]] = to
+    written(folder, data)
+
+
+def changed_axis(folder: Path) -> None:
+    change(folder, "slave", "axes", "lever", "velocity_limit", to=9.0)
+
+
+def changed_rate(folder: Path) -> None:
+    change(folder, "rate_hz", to=500)
 
 
 def edited(folder: Path) -> None:
@@ -292,7 +261,7 @@ def of_other_axes(folder: Path) -> None:
 
 
 def of_other_files(folder: Path) -> None:
-    reseal(folder, resolved_sha256="0" * 64)
+    reseal(folder, uncoupled_sha256="0" * 64)
 
 
 def without_state(folder: Path) -> None:
@@ -314,19 +283,20 @@ def reseal(folder: Path, **changes: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("changes", "said"),
     [
-        (changed_rig, "cannot be resumed: the rig file changed since"),
+        (changed_axis, "cannot be resumed: more of the rig than its coupling changed since"),
+        (changed_rate, "cannot be resumed: more of the rig than its coupling changed since"),
         (edited, "was changed after it was sealed"),
         (of_another_version, "cannot be resumed: tautwave changed since"),
         (of_other_axes, "cannot be resumed: the axes changed since"),
-        (of_other_files, "cannot be resumed: a file that the rig names changed since"),
+        (of_other_files, "cannot be resumed: more of the rig than its coupling changed since"),
         (without_state, "was written by a tautwave that does not resume"),
         (gone, "there is no acceptance.json to resume"),
     ],
 )
 def test_what_is_not_of_this_rig_is_not_believed(
-    tmp_path: Path, change: Callable[[Path], None], said: str
+    tmp_path: Path, changes: Callable[[Path], None], said: str
 ) -> None:
     rig = bench(tmp_path)
     asked, out = Acceptance(rig, ("slave.lever",), STAGES, 1.0, "me"), tmp_path / "out"
@@ -334,9 +304,84 @@ def test_what_is_not_of_this_rig_is_not_believed(
     day = Day(asked, load_rig(rig), out, FAKE)
     day.checks["identity"] = [Check("identity", "slave.lever", {}, "", False)]
     day.seal()
-    change(tmp_path)
+    changes(tmp_path)
     with pytest.raises(ConfigError, match=said):
-        day.resume(())
+        Day(asked, load_rig(rig), out, FAKE).resume(())
+
+
+@pytest.mark.parametrize(
+    ("path", "to", "again"),
+    [
+        (("coupling", "pairs", "lever", "wall_slave", "stiffness"), 1.0, True),
+        (("coupling", "delay_s"), 0.01, True),
+        (("duration_s",), 3.0, True),
+        (("seed",), 5, None),
+        ((), None, False),
+    ],
+)
+def test_what_does_not_rest_on_the_coupling_outlasts_another_one(
+    tmp_path: Path,
+    verdicts: Verdicts,
+    monkeypatch: pytest.MonkeyPatch,
+    path: tuple[str, ...],
+    to: Any,
+    again: bool | None,
+) -> None:
+    monkeypatch.setattr(accepting, "admit", lambda rig, **_: rig)
+    rig, stages = bench(tmp_path), "identity,hand,touch,gentle,walls,full"
+    verdicts["walls"] = [False]
+    assert led(rig, stages, "0\n")[0].left == ["walls", "full"]
+    if path:
+        change(tmp_path, *path, to=to)
+    else:
+        rig.write_text(f"# a remark\n{rig.read_text()}")
+    if again is None:
+        with pytest.raises(ConfigError, match="more of the rig than its coupling"):
+            led(rig, stages, "0\n", resume=True)
+        return
+    found, said = led(rig, stages, "0\n", resume=True)
+    assert found.left == []
+    before = [line.split()[1][:-1] for line in said if line.endswith("passed before")]
+    assert before == ["hand", "touch"] + ["gentle"] * (not again)
+    assert ("the coupling changed since: gentle, walls done again" in said) == again
+    assert verify(tmp_path / "out" / FILE).wrong == []
+
+
+# -- refused at the beginning, not at the end of a day ----------------------------------------
+
+
+@pytest.mark.slow
+def test_a_rig_that_a_coupled_stage_would_refuse_is_refused_before_a_device_is_opened(
+    tmp_path: Path,
+) -> None:
+    rig = bench(tmp_path)
+    change(tmp_path, "coupling", "pairs", "lever", "wall_slave", "stiffness", to=1e4)
+    with pytest.raises(NotCertifiedError) as caught:
+        led(rig, "identity,touch,full", "0\n")
+    assert not (tmp_path / "out").exists()
+    assert "mend the rig first, or leave what is coupled out: --stages identity,touch." in str(
+        caught.value
+    )
+    assert "--allow-uncertified" not in str(caught.value)
+    assert led(rig, "identity", "0.1\n")[0].left == []  # as it says
+
+
+@pytest.mark.parametrize("damaged", [True, False])
+def test_a_file_of_accepted_devices_that_cannot_be_kept_is_said_first(
+    tmp_path: Path, verdicts: Verdicts, monkeypatch: pytest.MonkeyPatch, damaged: bool
+) -> None:
+    rig = bench(tmp_path)
+    monkeypatch.setattr(accepting, "real_buses", lambda ways: set(ways))
+    said = "is not writable, and what was accepted is stored next to the rig"
+    if damaged:
+        rig.with_suffix(".accepted.json").write_text("{")
+        said = "was not written by `tautwave accept`, or is damaged"
+    else:
+        monkeypatch.setattr(os, "access", lambda place, mode: place != tmp_path)
+    with pytest.raises(ConfigError, match=said):
+        led(rig, "identity,motion", "0\n")
+    assert not (tmp_path / "out").exists()
+    assert led(rig, "identity,hand", "0\n")[0].left == []  # keeps none
 
 
 def test_other_devices_end_a_resumed_day_and_change_nothing(tmp_path: Path) -> None:
@@ -443,6 +488,22 @@ def test_ctrl_c_at_any_question_leaves_nothing_on_and_keeps_what_was_passed(
         assert "what was passed is kept" in said[-1]
         assert document(rig)["ended_at"] == stages[passed]
         assert verify(tmp_path / "out" / FILE).wrong == []
+
+
+def test_a_terminal_that_is_gone_keeps_what_was_passed_and_says_how_it_ended(
+    tmp_path: Path, verdicts: Verdicts
+) -> None:
+    def say(text: str) -> None:
+        if "what was passed is kept" in text:
+            raise OSError(errno.EIO, "Input/output error")
+
+    rig = bench(tmp_path)
+    verdicts["hand"] = [KeyboardInterrupt]  # as a hang-up of the terminal does
+    asked = Acceptance(rig, ("slave.lever",), ["identity", "hand"], 0.5, "a person")
+    conversation = Conversation(read_answers("0", "answers"), say, str, False)
+    with pytest.raises(KeyboardInterrupt):
+        lead(asked, conversation, out=tmp_path / "out", ways=FAKE)
+    assert document(rig)["ended_at"] == "hand"
 
 
 # -- waited for -------------------------------------------------------------------------------

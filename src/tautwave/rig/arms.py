@@ -28,6 +28,8 @@ WRONG_UNIT = 30.0
 MARGIN = 1.1
 """What is kept for a load, per greatest one of the sampled postures: it is clipped there."""
 
+ROUNDING = 1e-9
+
 SPARING = 3.0
 """Periods times the slope of a load in any of an arm's joints, beyond whose damping its bounds are
 put where there is more: what carrying it takes with commands a period late."""
@@ -284,6 +286,19 @@ def load_reserves(rig: Rig) -> dict[str, float]:
                 )
             reserves[name] = min(MARGIN * most[name], limit)
     return reserves
+
+
+def shared_limits(rig: Rig, share: float) -> dict[str, float]:
+    """Return effort limits with a share of what the rig's leave beside the loads [N m or N].
+
+    They are not below what `load_reserves` takes.
+    """
+    reserves, limits = load_reserves(rig), {}
+    for name, axis in rig.axes.items():
+        load = reserves.get(name, 0.0)
+        least = load / (MARGIN * MAX_SHARE) * (1.0 + ROUNDING)
+        limits[name] = max(load + share * (axis.effort_limit - load), least)
+    return limits
 
 
 def _lighter(load: float, limit: float) -> str:

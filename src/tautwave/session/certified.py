@@ -21,6 +21,7 @@ from tautwave.summary.model import Certificate
 from tautwave.types import Choice
 
 TIMEOUT_S = 120.0
+UNCERTIFIED = "Use --allow-uncertified to run it anyway."
 
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 """Of small matrices; several wait for each other, and on a busy machine take ten times as long."""
@@ -90,13 +91,13 @@ def certified_rig(rig: Rig, certificate: dict[str, Any]) -> Rig:
     return render_stiffness(rig, {axis: wall["rendered_stiffness"] for axis, wall in walls.items()})
 
 
-def refuse_uncertified(rig: Rig, certificate: dict[str, Any]) -> None:
+def refuse_uncertified(rig: Rig, certificate: dict[str, Any], remedy: str = UNCERTIFIED) -> None:
     """Raise NotCertifiedError, with why and what to do, unless the required verdict holds."""
     if certificate["passed"]:
         return
     lines = [f"{rig.name}: not certified as {rig.require.replace('_', ' ')}, which it requires:"]
     lines += [f"  {sentence}" for sentence in certificate["sentences"]]
-    lines.append("Use --allow-uncertified to run it anyway.")
+    lines.append(remedy)
     raise NotCertifiedError("\n".join(lines))
 
 

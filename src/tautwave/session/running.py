@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, resolved_yaml
-from tautwave.errors import BusBudgetError, ConfigError, TautwaveError
+from tautwave.errors import ConfigError, TautwaveError
 from tautwave.files import write_text
-from tautwave.rig import Assembly, BusWay, Simulate, as_taken, build_rig, bus_ways, real_buses
+from tautwave.rig import Assembly, BusWay, Simulate, build_rig, real_buses
 from tautwave.runtime.interrupts import Interrupted, interrupts
 from tautwave.runtime.loop import Loop, LoopResult
 from tautwave.runtime.machine import quiet_collector, realtime
@@ -21,14 +21,10 @@ from tautwave.runtime.operate.commands import Source
 from tautwave.runtime.recorder import Recorder, RecorderStats
 from tautwave.runtime.unwatched import warning
 from tautwave.session.acceptance.accepted import comparing
+from tautwave.session.admitting import admit
 from tautwave.session.certified import (
-    certificate_of,
-    certificates_of,
-    certified_rig,
-    refuse_uncertified,
     summary_block,
 )
-from tautwave.session.checking import bus_budgets, over_budget, require_drivers
 from tautwave.session.devices import devices
 from tautwave.session.engine import compiled_devices, scene_devices, with_engine
 from tautwave.session.facts import pair_facts, summary_claims
@@ -45,7 +41,6 @@ from tautwave.session.operating import (
     claimed_span,
     engagements,
     operation_done,
-    refuse_endless,
     with_operation,
 )
 from tautwave.session.plan import left_out, rig_plan
@@ -54,7 +49,7 @@ from tautwave.session.scales import scales_of
 from tautwave.session.sites.agreed import with_sessions
 from tautwave.session.viewing.cameras import cameras_of
 from tautwave.session.viewing.facts import facts_of, mailbox_of, tell_end, tell_viewers
-from tautwave.session.viewing.pointing import pointers_of, refuse_pointers
+from tautwave.session.viewing.pointing import pointers_of
 from tautwave.session.viewing.tuning import tuning_facts, tuning_of, with_tuning
 from tautwave.summary import Summary, checked
 from tautwave.summary.ending import last_line
@@ -153,26 +148,15 @@ def run(
         Nothing has moved: the rig is refused, or the run directory cannot be written. Later errors
         are in the result, not raised.
     """
-    require_drivers(rig)
     if duration_s is not None:
         if duration_s < rig.period_s:
             raise ConfigError(
                 f"a duration of {duration_s:g} s is shorter than one cycle of {rig.period_s:g} s"
             )
         rig = rig.model_copy(update={"duration_s": duration_s})
-    ways = bus_ways(rig, clock=clock, simulate=simulate, attach=attach)
-    refuse_endless(rig, list(ways.values()))
-    refuse_pointers(rig, ways, clock)
-    problems = over_budget(rig, bus_budgets(rig))
-    if problems:
-        raise BusBudgetError("\n".join(problems))
-    certificate = certificate_of(rig, ways)
-    if not allow_uncertified:
-        refuse_uncertified(rig, certificate)
-    rig = certified_rig(as_taken(rig, ways), certificate)
-    scales = [] if allow_uncertified else scales_of(rig)
-    for at_scale, certified in zip(scales, certificates_of(scales, ways), strict=True):
-        refuse_uncertified(at_scale, certified)
+    rig, ways, certificate = admit(
+        rig, clock=clock, simulate=simulate, attach=attach, allow_uncertified=allow_uncertified
+    )
     engine = None
     if rig.scene is not None:
         if progress is not None and clock == "real":

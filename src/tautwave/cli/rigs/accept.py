@@ -182,8 +182,8 @@ def accept(
     how = "sealed" if keys is None else f"signed with the key of site {site}"
     ended = f"accepted by {by}, {how}"
     if left:
-        ended = f"NOT {ended}; {go_on(rig, directory)}"
-    click.echo(f"{path}: {good} of {len(checks)} passed, {ended}")
+        ended = f"NOT {ended}; left: {', '.join(left)}; {go_on(rig, directory)}"
+    click.echo(f"{path}: {good} of {len(checks)} checks passed, {ended}")
     if refused is not None:
         raise refused
     ctx.exit(6 if left else 0)

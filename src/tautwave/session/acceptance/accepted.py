@@ -13,7 +13,7 @@ from pathlib import Path
 from tautwave.config import Rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, DeviceFault
-from tautwave.files import write_text
+from tautwave.files import refuse_unwritable, write_text
 from tautwave.reading import read_file
 from tautwave.rig.calibrated import identities
 from tautwave.runtime.sensing import LoopBus
@@ -45,6 +45,20 @@ def keep_accepted(rig: Path, devices: Devices, by: str, document: Path) -> Path:
     }
     write_text(path, json.dumps(content, indent=2) + "\n")
     return path
+
+
+def refuse_unkept(rig: Path) -> None:
+    """Refuse at the beginning what `keep_accepted` would refuse at the end.
+
+    Raises
+    ------
+    ConfigError
+        The file beside the rig is damaged, or may not be written.
+    """
+    path = accepted_path(rig)
+    if path.exists():
+        _read(path)
+    refuse_unwritable([path.parent], "accept", "what was accepted")
 
 
 def _read(path: Path) -> Devices:

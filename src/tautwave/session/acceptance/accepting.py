@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,16 +11,18 @@ from tautwave.config import Rig, load_rig, resolved_yaml
 from tautwave.errors import ConfigError, DriverError, SafetyStop
 from tautwave.files import make_directory, write_text
 from tautwave.rig import bus_ways, real_buses
+from tautwave.rig.arms import shared_limits
 from tautwave.rig.ways import Way
 from tautwave.runtime.interrupts import Interrupted
 from tautwave.session.acceptance import guides
-from tautwave.session.acceptance.accepted import NEEDED, keep_accepted
+from tautwave.session.acceptance.accepted import NEEDED, keep_accepted, refuse_unkept
 from tautwave.session.acceptance.day import Acceptance, Day, load_accepted
 from tautwave.session.acceptance.document import TRAFFIC, Check
 from tautwave.session.acceptance.ladder import COUPLED, FREE, SEEN, touches
 from tautwave.session.acceptance.motion import motions
 from tautwave.session.acceptance.silence import silences
 from tautwave.session.acceptance.waiting import wait_for_place
+from tautwave.session.admitting import admit
 from tautwave.session.guided.answers import Declined, one_of
 from tautwave.session.guided.control import GuidedControl
 from tautwave.session.guided.running import (
@@ -81,22 +84,28 @@ def accept(
         By a person: all axes are safe, and `out` holds what was passed.
     """
     day = Day(asked, load_accepted(asked), out, ways)
-    if resume:
-        day.resume(redo)
+    again = day.resume(redo) if resume else []
+    if again:
+        talk.say(f"the coupling changed since: {', '.join(again)} done again")
+    _refuse_coupled(day, talk)
+    real = real_buses(
+        bus_ways(day.rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach)
+    )
+    ours = [name for name in asked.axes if day.rig.axes[name].bus in real]
+    keeps = bool(ours) and set(NEEDED) <= set(asked.stages)
+    if keeps:
+        refuse_unkept(asked.rig)
     try:
         refused = _climb(day, talk)
     except BaseException:  # nobody answers any more, or Ctrl-C: what was passed stays
         if day.checks:
             day.seal()
-            talk.say(f"\nwhat was passed is kept; {go_on(asked.rig, out)}")
+            with suppress(OSError):  # the terminal may be what ended
+                talk.say(f"\nwhat was passed is kept; {go_on(asked.rig, out)}")
         raise
     document = day.seal()
-    real = real_buses(
-        bus_ways(day.rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach)
-    )
-    devices = {name: day.devices[name] for name in asked.axes if name in day.devices}
-    devices = {name: one for name, one in devices.items() if day.rig.axes[name].bus in real}
-    if devices and not day.left and set(NEEDED) <= set(asked.stages):
+    if keeps and not day.left:
+        devices = {name: day.devices[name] for name in ours if name in day.devices}
         kept = keep_accepted(asked.rig, devices, asked.by, document)
         talk.say(f"{kept}: what a run on these devices compares")
     checks = [check for stage in day.checks.values() for check in stage]
@@ -279,28 +288,10 @@ def _coupled(
     stage: str, asked: Acceptance, talk: Conversation, out: Path, ways: Ways
 ) -> Iterator[Check]:
     """The coupling at a tenth of every effort limit, then with walls, then as the rig has it."""
-    keys = [f"duration_s={asked.run_s}"]
-    rig = load_rig(asked.rig, choose=False)
-    walls = [
-        f"coupling.pairs.{name}.{wall}"
-        for name, pair in rig.coupling.pairs.items()
-        for wall in ("wall_master", "wall_slave")
-        if getattr(pair, wall) is not None
-    ]
-    if stage == "walls" and not walls:
-        yield Check(stage, rig.name, {"walls": "none"}, "nothing to feel", True)
+    rig = coupled_rig(stage, asked)
+    if rig is None:
+        yield Check(stage, asked.rig.stem, {"walls": "none"}, "nothing to feel", True)
         return
-    if stage == "gentle":
-        keys += [f"{wall}=null" for wall in walls]
-    if stage != "full":
-        keys += [
-            f"{side}.axes.{name}.effort_limit={GENTLE * axis.effort_limit}"
-            for side in ("master", "slave")
-            for name, axis in getattr(rig, side).axes.items()
-        ]
-    rig = load_rig(asked.rig, keys, choose=False)
-    if rig.operate is not None:
-        rig = load_rig(asked.rig, [*keys, "operate.start=engaged"], choose=False)
     talk.say(f"  the rig engages for {asked.run_s:g} s: hold the master loosely")
     result = run_rig(
         rig, out=out, clock=ways.clock, simulate=ways.simulate, attach=ways.attach,
@@ -322,3 +313,54 @@ def _coupled(
         ):  # it engaged
             numbers[f"{pair}.position_error_rms"] = figures.position_error.rms
     yield Check(stage, rig.name, numbers, "a run that ends well", result.exit_code == 0)
+
+
+def coupled_rig(stage: str, asked: Acceptance) -> Rig | None:
+    """Return the rig of a coupled stage, None where there is nothing to run: it has no walls.
+
+    Before `full` each axis has the effort that carries its load, and `GENTLE` of what is left.
+    """
+    keys = [f"duration_s={asked.run_s}"]
+    rig = load_rig(asked.rig, choose=False)
+    walls = [
+        f"coupling.pairs.{name}.{wall}"
+        for name, pair in rig.coupling.pairs.items()
+        for wall in ("wall_master", "wall_slave")
+        if getattr(pair, wall) is not None
+    ]
+    if stage == "walls" and not walls:
+        return None
+    if stage == "gentle":
+        keys += [f"{wall}=null" for wall in walls]
+    if stage != "full":
+        keys += [
+            f"{name.replace('.', '.axes.')}.effort_limit={limit}"
+            for name, limit in shared_limits(rig, GENTLE).items()
+        ]
+    rig = load_rig(asked.rig, keys, choose=False)
+    if rig.operate is not None:
+        rig = load_rig(asked.rig, [*keys, "operate.start=engaged"], choose=False)
+    return rig
+
+
+def _refuse_coupled(day: Day, talk: Conversation) -> None:
+    """Refuse now what a coupled stage would refuse at the end of the day.
+
+    Raises
+    ------
+    TautwaveError
+        The rig of such a stage may not run.
+    """
+    asked, ways = day.asked, day.ways
+    stages = [stage for stage in day.left if stage in COUPLED]
+    others = ",".join(stage for stage in asked.stages if stage not in COUPLED)
+    leave = f", or leave what is coupled out: --stages {others}" if others else ""
+    if stages:
+        talk.say("looking whether the coupled stages may run")
+    for stage in stages:
+        rig = coupled_rig(stage, asked)
+        if rig is not None:
+            admit(
+                rig, clock=ways.clock, simulate=ways.simulate, attach=ways.attach,
+                remedy=f"Stage {stage} cannot run so: mend the rig first{leave}.",
+            )  # fmt: skip

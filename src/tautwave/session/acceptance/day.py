@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -10,15 +11,19 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tautwave.config import Rig, load_rig, resolved_yaml
+from tautwave.config import Rig, load_rig
 from tautwave.config.guard import parse_json
 from tautwave.errors import ConfigError, DeviceFault
 from tautwave.reading import digest_of, read_file
 from tautwave.rig import bus_ways
 from tautwave.rig.ways import Way
 from tautwave.session.acceptance.document import FILE, LARGEST, Check, verify, write_sealed
+from tautwave.session.acceptance.ladder import COUPLED
 from tautwave.session.checking import bus_budgets
 from tautwave.session.guided.running import Ways
+
+BETWEEN = frozenset({"coupling", "operate", "duration_s"})
+"""Blocks of a rig that no stage before the coupled ones depends on."""
 
 
 class Acceptance(NamedTuple):
@@ -88,7 +93,8 @@ class Day:
         content: dict[str, Any] = {
             "rig": self.rig.name,
             "rig_sha256": digest_of(asked.rig),
-            "resolved_sha256": _resolved(self.rig),
+            "resolved_sha256": _digest(self.rig),
+            "uncoupled_sha256": _digest(self.rig, BETWEEN),
             "version": version("tautwave"),
             "by": asked.by,
             "sealed_utc": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -110,8 +116,13 @@ class Day:
         }
         return write_sealed(self.out, content, asked.keys, asked.site)
 
-    def resume(self, redo: Sequence[str]) -> None:
+    def resume(self, redo: Sequence[str]) -> list[str]:
         """Take over what `out` has of this rig; `redo` are stages to do again.
+
+        Returns
+        -------
+        list of str
+            Stages that were passed with another coupling, which are done again, too.
 
         Raises
         ------
@@ -122,12 +133,11 @@ class Day:
         path = self.out / FILE
         content = parse_json(read_file(path, LARGEST).decode())
         kept = {
-            "rig_sha256": digest_of(self.asked.rig),
-            "resolved_sha256": _resolved(self.rig),
             "version": version("tautwave"),
             "axes": list(self.asked.axes),
+            "uncoupled_sha256": _digest(self.rig, BETWEEN),
         }
-        names = ("the rig file", "a file that the rig names", "tautwave", "the axes")
+        names = ("tautwave", "the axes", "more of the rig than its coupling")
         for (key, now), what in zip(kept.items(), names, strict=True):
             if content.get(key) != now:
                 raise ConfigError(
@@ -139,8 +149,11 @@ class Day:
         self.earlier = [Check(**one) for one in content["earlier"]]
         self.tries, self.notes = content["tries"], content["notes"]
         self.devices, self.unwatched = content["devices"], set(content["unwatched"])
-        for stage in redo:
+        changed = content["resolved_sha256"] != _digest(self.rig)
+        again = [stage for stage in self.checks if stage in COUPLED and changed]
+        for stage in (*again, *redo):
             self.forget(stage)
+        return again
 
     def compare(self, devices: Mapping[str, Mapping[str, str]]) -> None:
         """Compare devices with those of the stages that were passed before.
@@ -215,8 +228,10 @@ def load_accepted(asked: Acceptance) -> Rig:
     return rig
 
 
-def _resolved(rig: Rig) -> str:
-    return hashlib.sha256(resolved_yaml(rig).encode()).hexdigest()
+def _digest(rig: Rig, without: frozenset[str] = frozenset()) -> str:
+    """Return the SHA-256 of a rig with every default, without some blocks."""
+    content = rig.model_dump(mode="json", exclude=set(without))
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _folder(stage: str, count: int) -> str:

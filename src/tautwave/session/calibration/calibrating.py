@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tautwave.config import Rig, load_rig
 from tautwave.errors import ConfigError, RecordingError
+from tautwave.files import refuse_unwritable
 from tautwave.session.calibration.by_hand import (
     DIRECTION,
     IDENTIFY,
@@ -135,12 +135,7 @@ def _check(path: Path, rig: Rig, asked: Asked) -> None:
     for name, at in asked.stops.items():
         if at == 0.0:
             raise ConfigError(f"calibrate: --stop {name}=0 does not give the direction of the stop")
-    for place in (path, path.parent):
-        if not os.access(place, os.W_OK):  # not only at the end of all the questions
-            raise ConfigError(
-                f"calibrate: {place} is not writable, and the calibration is stored next to the "
-                "rig file; copy the rig to a directory that you can write to"
-            )
+    refuse_unwritable([path, path.parent], "calibrate", "the calibration")
 
 
 def _with_ends(measured: Measured, found: Mapping[str, Any]) -> Measured:
