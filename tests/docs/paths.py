@@ -60,11 +60,15 @@ def steps(page: Path) -> list[Block]:
     """Return what a page has its reader run, in order: blocks, and commands that stand alone."""
     fenced = list(blocks(page))
     inside = {n for one in fenced for n in range(one.line, one.line + one.text.count("\n") + 3)}
-    lines = page.read_text(encoding="utf-8").splitlines()
+    text = page.read_text(encoding="utf-8")
+    given = set(re.findall(r"tautwave example (\S+)", text))  # else the rig is the reader's own
+    lines = text.splitlines()
     alone = [
         Block("console", number, f"$ {line.strip()}", "")
         for number, line in enumerate(lines, 1)
-        if number not in inside and re.match(r"    tautwave .*--clock fake", line)
+        if number not in inside
+        and (found := re.match(r"    tautwave run (\S+)\.yaml .*--clock fake", line))
+        and found[1] in given
     ]
     return sorted([*fenced, *alone], key=lambda one: one.line)
 

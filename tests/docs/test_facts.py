@@ -86,11 +86,12 @@ FACTS = {
         {"docs/howto/watch-a-run.md"},
     ),
     "not certified": Fact(
-        r"not certified as required \(exit code (\d)\)|makes the run exit with (\d), with both",
+        r"not certified as required \(exit code (\d)\)|A run that gives more exits with (\d)"
+        r"|gave out more than its claim \| exit (\d)",
         _code(errors.NotCertifiedError), {"docs/start/walls.md", "docs/explanation/the-port.md"},
     ),
     "stopped": Fact(
-        r"debt beyond its reserve stops the run, exit (\d)"
+        r"debt beyond its reserve \| the run stops, exit (\d)"
         r"|stops, as on one machine \(exit code (\d)"
         r"|The run stops \(exit (\d)\)",
         _code(errors.SafetyStop),

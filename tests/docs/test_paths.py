@@ -32,10 +32,11 @@ def test_a_path_is_short(name: str) -> None:
 def test_a_command_that_stands_alone_is_a_step_and_one_in_a_block_is_none(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(
-        "    tautwave run a.yaml --clock fake\n\n```console\n$ tautwave run b.yaml\n"
-        "    tautwave run c.yaml --clock fake\n```\n\n    tautwave run d.yaml --view\n"
+        "```console\n$ tautwave example a\n    tautwave run a.yaml --clock fake\n```\n\n"
+        "    tautwave run a.yaml --clock fake\n    tautwave run own.yaml --clock fake\n"
+        "    tautwave run a.yaml --view\n"
     )
-    assert [one.line for one in steps(page)] == [1, 3]
+    assert [one.line for one in steps(page)] == [1, 6]
 
 
 @pytest.mark.nightly

@@ -49,9 +49,10 @@ def test_the_spring_of_a_pointed_hand_is_bounded_and_goes_with_the_pointer(
                 assert (reference, rate) == (place, 0.0)
 
 
-def test_a_hand_without_a_pointer_pulls_nowhere_and_one_that_rests_is_held() -> None:
+def test_a_hand_holds_until_a_pointer_comes_and_where_it_rests_and_then_pulls_nowhere() -> None:
     hand = Pointed(PARAMS, 0.0, PERIOD, TIMEOUT)
-    assert hand.aim(0.2) == (0.2, 0.0)
+    for _ in range(round(3 * TIMEOUT / PERIOD)):
+        assert hand.aim(0.05) == (0.0, 0.0)
     leads = Leads({"lever": hand})
     assert leads.obey("lever=0.25")
     for _ in range(200):

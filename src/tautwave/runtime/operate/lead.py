@@ -59,6 +59,9 @@ class Lead:
 class Pointed(Lead):
     """What a hand wants that the pointer of a page leads; without word of it the hand lets go.
 
+    Before the first word it holds where it stands, or grains would throw it out of its range
+    before a person has opened the page.
+
     It is passive: a spring of bounded force to the pointer's place, and the grip's mass and damper.
 
     Parameters
@@ -74,6 +77,7 @@ class Pointed(Lead):
         self.look: Callable[[], object] = int  # nobody is there
         self._timeout = timeout
         self._looks = max(1, round(LOOK_S / period))
+        self._led = False
         self._slot = 0
 
     @property
@@ -90,12 +94,17 @@ class Pointed(Lead):
         """Wait for the next action."""
         self._age = None
 
+    def want(self, position: float) -> None:
+        """Take a place of the pointer [rad or m]."""
+        self._led = True
+        super().want(position)
+
     def aim(self, place: float) -> tuple[float, float]:
         """Return the reference at this slot and its rate; where the device is without a pointer."""
         if self._slot % self._looks == 0:
             self.look()
         self._slot += 1
-        if not self.stale:
+        if not (self._led and self.stale):
             return super().aim(place)
         self._reference = self._goal = place
         return place, 0.0
