@@ -74,7 +74,7 @@ def steps(page: Path) -> list[Block]:
 
 
 def walk(name: str, folder: Path) -> Walk:
-    """Follow the pages of a path in one folder.
+    """Follow the pages of a path, each in a folder of its own in `folder`.
 
     Raises
     ------
@@ -86,12 +86,14 @@ def walk(name: str, folder: Path) -> Walk:
     with pytest.MonkeyPatch.context() as patch:
         for one in PATHS[name]:
             path = ROOT / "docs" / one
-            page = _Followed(path, folder, patch)
+            own = folder / path.stem
+            own.mkdir()
+            page = _Followed(path, own, patch)
             words += len(prose(path.read_text(encoding="utf-8")).split())
             try:
                 if one == "add-a-driver.md":
                     begun = time.monotonic()
-                    tried = follow(path, folder)
+                    tried = follow(path, own)
                     assert tried.returncode == 0, tried.stdout
                     page.waited_s = time.monotonic() - begun
                     page.count, page.lines = 1, len(tried.stdout.splitlines())
