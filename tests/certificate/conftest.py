@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tautwave.couplings.wave import verdict
+from tautwave.couplings.wave import certificate as verdict
 from tautwave.couplings.wave.device_port import DevicePort
 
 

@@ -5,7 +5,7 @@ Who adds one to the law says here where the certificate reads it, or why it need
 
 from __future__ import annotations
 
-from tautwave.couplings.wave.records import WaveEndParams
+from tautwave.couplings.wave.port import WaveEndParams
 
 GUARD = "decides only when a run stops"
 WAVE = {

@@ -80,7 +80,7 @@ PLANTED = [
     ("live", "src/tautwave/runtime/planted.py", "import tautwave.config"),
     ("live", "src/tautwave/runtime/planted.py", "def late():\n    import scipy.linalg"),
     ("floors", "src/tautwave/couplings/wave/planted.py", "import tautwave.runtime"),
-    ("floors", "src/tautwave/couplings/wave/messages.py", "import tautwave.certificate"),
+    ("floors", "src/tautwave/couplings/wave/keys.py", "import tautwave.certificate"),
     ("couplings", "src/tautwave/certificate/planted.py", "import tautwave.couplings.wave.keys"),
     ("siblings", "sim/tautwave_sim/planted.py", "import tautwave_drivers"),
     ("siblings", "drivers/tautwave_drivers/planted.py", "import tautwave_sim"),

@@ -17,8 +17,8 @@ from tautwave.config.keys.coupling import Account
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.records import AxisParams, AxisState
 from tautwave.couplings.account import steps
-from tautwave.couplings.account.claim import claim_of, claimed_joules, flicker_taken
-from tautwave.couplings.account.from_keys import NOISE_MARGIN, account_params
+from tautwave.couplings.account.certificate import claim_of, claimed_joules, flicker_taken
+from tautwave.couplings.account.steps import NOISE_MARGIN, account_params
 from tautwave.errors import ConfigError
 from tautwave.laws.account import CALM_SHARE, AccountParams, credit_due, planned_share
 from tautwave.rig import check_ends, command_delays, end_constants, make_control, wall_params

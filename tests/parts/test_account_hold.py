@@ -11,9 +11,8 @@ from tautwave.certificate.belief import declared_delays
 from tautwave.config import Rig
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisState
-from tautwave.couplings.account.claim import held_facts
-from tautwave.couplings.account.records import AccountEnd
-from tautwave.couplings.account.steps import ACCOUNT_ASTRAY, watch_debt
+from tautwave.couplings.account.certificate import held_facts
+from tautwave.couplings.account.steps import ACCOUNT_ASTRAY, AccountEnd, watch_debt
 from tautwave.errors import SafetyStop
 from tautwave.laws.account import APART_S, CALM_SHARE, AccountParams, is_apart, lets_go
 from tautwave.rig import Assembly, build_rig

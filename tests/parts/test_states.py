@@ -17,7 +17,7 @@ from tautwave.certificate.tuning.two_port import tuning
 from tautwave.config import Rig, load_rig
 from tautwave.controller import seen
 from tautwave.controller.records import AxisState, PairState
-from tautwave.couplings.states import steps
+from tautwave.couplings.states import law as steps
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.rig import command_delays, make_control
 from tautwave.simulation import simulate

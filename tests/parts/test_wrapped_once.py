@@ -7,6 +7,7 @@ import pytest
 from tautwave.controller.steps import Law
 from tautwave.registry import load_named
 from tautwave.rig import coupling_law, coupling_part
+from tautwave.rig.controller import law_over_link
 from tests.lab.couplings.rigs import LAWS, bench_rig
 
 
@@ -17,7 +18,7 @@ def laws(name: str) -> dict[str, Law]:
     sites = load_named(part.at_sites)
     return {
         "alone": coupling_law(rig),
-        "over a network": load_named(part.over_link),
+        "over a network": law_over_link(part),
         **{side: site.law for side, site in sites.items()},
     }
 

@@ -15,10 +15,10 @@ from tautwave.couplings.wave.port import (
     LIMP_NOISY,
     LIMP_PLAIN,
     OWED_PERIODS,
+    WaveEnd,
     judge_port,
     listen_to,
 )
-from tautwave.couplings.wave.records import WaveEnd
 from tautwave.laws.observer import plain_observer
 from tautwave.rig import command_delays
 from tautwave.rig.controller import end_constants

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tautwave.certificate import certify
-from tautwave.couplings.wave import rates
+from tautwave.couplings.wave import law as rates
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly
 from tautwave.session.identification.identifying import identify_device

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from tautwave.config import Rig
-from tautwave.couplings.wave.standing import held_share
+from tautwave.couplings.wave.claim import held_share
 from tautwave.rig import command_delays, standing_offset
 from tautwave.session import check
 from tautwave.session.facts import pair_facts, pair_sentence

@@ -35,11 +35,10 @@ from tautwave.controller.records import (
 )
 from tautwave.controller.steps import NoParams
 from tautwave.controller.stops import AxisName
-from tautwave.couplings.position.steps import PositionEndParams
-from tautwave.couplings.position.steps import law as position_law
-from tautwave.couplings.wave.port import receive_wave, start_end, waiting_energy
-from tautwave.couplings.wave.records import WaveEndParams
-from tautwave.couplings.wave.steps import law as wave_law
+from tautwave.couplings.position.law import PositionEndParams
+from tautwave.couplings.position.law import law as position_law
+from tautwave.couplings.wave.law import law as wave_law
+from tautwave.couplings.wave.port import WaveEndParams, receive_wave, start_end, waiting_energy
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.observer import observer_params, plain_observer
 from tautwave.laws.port import port_params

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tautwave.controller.records import AxisParams, AxisState, RunParams
 from tautwave.controller.stops import AxisName
-from tautwave.couplings.wave import rates
+from tautwave.couplings.wave import law as rates
 from tautwave.errors import DriverError
 from tautwave.runtime.loop import READ_SHARE, TIMING_COLUMNS, Loop
 from tautwave.runtime.sensing import LoopBus, Sensing

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from tautwave.config import load_rig
 from tautwave.controller.slotted import slotted
-from tautwave.couplings.wave.records import WaveEndParams
+from tautwave.couplings.wave.port import WaveEndParams
 from tautwave.rig import command_delays, end_constants
 from tests.rigs.row_hashes import ROOT
 

@@ -18,8 +18,7 @@ import numpy.typing as npt
 import pytest
 
 from tautwave.config import Rig, load_rig
-from tautwave.couplings.wave.port import tune
-from tautwave.couplings.wave.records import WaveEnd
+from tautwave.couplings.wave.port import WaveEnd, tune
 from tautwave.errors import RecordingError
 from tautwave.rig import build_rig
 from tautwave.rig.controller import end_constants

@@ -16,8 +16,8 @@ White noise of variance s^2 in the positions is no motion, and the books take it
 damping could have taken 2 d s^2 / dt less, and an effort that changes by g with its newest sample
 took g s^2 more from the device than a period's books say. Both are taken back.
 
-Source: passivity of a sampled spring between two dampers, `couplings.position.verdict`; the rule
-for a run is derived here.
+Source: passivity of a sampled spring between two dampers, `couplings.position.certificate`; the
+rule for a run is derived here.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from tautwave import registry
 from tautwave.allowance import AxisAllowance
 from tautwave.analysis.identification.sensor_balance import DEVIATIONS, most_at_rest
 from tautwave.config import Axis, Rig, local_wall
-from tautwave.contracts import CoupledAxis
+from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, RunParams
 from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import ARM_SHARE, ARM_TIMEOUT_S, AxisName, position_unit
@@ -39,7 +39,14 @@ NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 def coupling_law(rig: Rig) -> Law:
     """Return the steps of a rig's law, its state and its columns."""
     part = coupling_part(rig)
-    law: Law = registry.load_named(part.law if rig.link is None else part.over_link)
+    law: Law = registry.load_named(part.law)
+    return law if rig.link is None else law_over_link(part)
+
+
+def law_over_link(part: CouplingPlugin) -> Law:
+    """Return a coupling's law over a network: its own, or made from that without one."""
+    over_link = registry.load_named(part.over_link)
+    law: Law = over_link if isinstance(over_link, Law) else over_link(registry.load_named(part.law))
     return law
 
 

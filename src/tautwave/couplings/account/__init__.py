@@ -6,6 +6,7 @@ other may give: see `tautwave.laws.account`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tautwave.config.keys.coupling import Account
@@ -13,14 +14,16 @@ from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.answer import sample_gain
 from tautwave.controller.steps import Law, NoParams, SiteLaw
 from tautwave.controller.wrapping import params_with
-from tautwave.couplings.account.from_keys import account_params, model_reserve
 from tautwave.couplings.account.law import GUARDS, law_with_account
-from tautwave.couplings.account.messages import messages_with_account
+from tautwave.couplings.account.steps import account_params, model_reserve
 from tautwave.couplings.over_link import LINKED
+from tautwave.couplings.over_link.law import linked_law
 from tautwave.couplings.over_link.site import site_laws
-from tautwave.couplings.over_link.steps import linked_law
 from tautwave.registry import load_named
-from tautwave.wording import CouplingMessages
+from tautwave.types import CommandDelay
+from tautwave.wording import CouplingMessages, PlanLine
+
+_CERTIFICATE = "tautwave.couplings.account.certificate"
 
 
 def sites_with_account(bare: Law) -> dict[str, SiteLaw]:
@@ -29,6 +32,23 @@ def sites_with_account(bare: Law) -> dict[str, SiteLaw]:
         side: site._replace(law=law_with_account(site.law, side), debts=frozenset(GUARDS))
         for side, site in site_laws(bare).items()
     }
+
+
+def messages_with_account(law: CouplingMessages) -> CouplingMessages:
+    """Return a law's messages with the account in them."""
+
+    def coupling(rig: Any) -> str:
+        return f"{law.coupling(rig)}, in an energy account"
+
+    def pair_plan(rig: Any, name: str) -> Iterator[PlanLine]:
+        yield from law.pair_plan(rig, name)
+        yield PlanLine(f"account of {name}", True, f"led by the {rig.coupling.account.leader}")
+
+    def facts(rig: Any, delays: Mapping[str, CommandDelay]) -> Iterator[tuple[str, str]]:
+        yield from law.facts(rig, delays)
+        yield from load_named(f"{_CERTIFICATE}:held_facts")(rig, delays)
+
+    return law._replace(coupling=coupling, pair_plan=pair_plan, facts=facts)
 
 
 def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
@@ -68,8 +88,8 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
         end_constants=end_constants,
         causalities=("impedance",),
         divisors=False,
-        verdict="tautwave.couplings.account.verdict:verdict",
-        claim="tautwave.couplings.account.claim:claimed_joules",
-        claim_terms="tautwave.couplings.account.claim:claim_of",
+        verdict=f"{_CERTIFICATE}:verdict",
+        claim=f"{_CERTIFICATE}:claimed_joules",
+        claim_terms=f"{_CERTIFICATE}:claim_of",
         messages=messages_with_account(load_named(plugin.messages or CouplingMessages())),
     )

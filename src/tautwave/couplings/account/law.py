@@ -8,7 +8,7 @@ from typing import Any
 from tautwave.controller.steps import Guard, Holding, Law, Steps, ignore_acted
 from tautwave.controller.wrapping import bound, record_with
 from tautwave.couplings.account import steps as own
-from tautwave.couplings.account.records import AccountEnd, AccountLink
+from tautwave.couplings.account.steps import AccountEnd, AccountLink
 from tautwave.errors import ConfigError
 
 GUARDS = {

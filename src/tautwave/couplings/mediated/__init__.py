@@ -10,7 +10,7 @@ them at either end.
 from __future__ import annotations
 
 from tautwave.contracts import CouplingPlugin
-from tautwave.couplings.over_link import LINKED
+from tautwave.couplings.over_link import LINKED, LINKED_LAW
 
 _ROOM = "tautwave.couplings.mediated"
 
@@ -18,11 +18,11 @@ plugin = CouplingPlugin(
     summary="model-mediated: the slave estimates what it touches, the master renders it",
     keys=f"{_ROOM}.keys:MediatedCoupling",
     law=f"{_ROOM}.steps:law",
-    over_link=f"{_ROOM}.linked:law",
+    over_link=LINKED_LAW,
     linked=LINKED,
     end_constants=f"{_ROOM}.from_keys:end_constants",
-    verdict=f"{_ROOM}.verdict:verdict",
-    messages=f"{_ROOM}.messages:messages",
-    resolve=f"{_ROOM}.automatic:resolve",
-    missing=f"{_ROOM}.asks:missing",
+    verdict=f"{_ROOM}.certificate:verdict",
+    messages=f"{_ROOM}.certificate:messages",
+    resolve=f"{_ROOM}.keys:resolve",
+    missing=f"{_ROOM}.keys:missing",
 )

@@ -2,3 +2,6 @@
 
 LINKED = "tautwave.couplings.over_link.constants:linked"
 """What makes their constants and table."""
+
+LINKED_LAW = "tautwave.couplings.over_link.law:linked_law"
+"""What makes the law over a network from the law."""

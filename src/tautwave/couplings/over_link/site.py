@@ -13,8 +13,10 @@ from typing import Any
 from tautwave.controller.records import AxisParams, AxisState, PairView
 from tautwave.controller.steps import Law, SiteLaw
 from tautwave.controller.wrapping import bound
-from tautwave.couplings.over_link.records import NewsEnd, NewsEndParams, NewsParams
-from tautwave.couplings.over_link.steps import (
+from tautwave.couplings.over_link.law import (
+    NewsEnd,
+    NewsEndParams,
+    NewsParams,
     credit_heard,
     law_credit,
     law_hear,

@@ -1,6 +1,6 @@
 """Laws of positions, velocities and efforts: position-force, PD with damping, four channels.
 
-One set of steps serves all three (`steps`); they differ in their keys and in which gains those
+One set of steps serves all three (`law`); they differ in their keys and in which gains those
 make. Without an account (`coupling.account`) pd_damping may be passive by its tuning, the others
 are not certified.
 """
@@ -8,7 +8,7 @@ are not certified.
 from __future__ import annotations
 
 from tautwave.contracts import CouplingPlugin
-from tautwave.couplings.over_link import LINKED
+from tautwave.couplings.over_link import LINKED, LINKED_LAW
 
 _ROOM = "tautwave.couplings.states"
 
@@ -17,13 +17,13 @@ def _plugin(name: str, keys: str, summary: str) -> CouplingPlugin:
     return CouplingPlugin(
         summary=summary,
         keys=f"{_ROOM}.keys:{keys}",
-        law=f"{_ROOM}.steps:{name}",
-        over_link=f"{_ROOM}.linked:{name}",
+        law=f"{_ROOM}.law:{name}",
+        over_link=LINKED_LAW,
         linked=LINKED,
-        end_constants=f"{_ROOM}.from_keys:end_constants",
-        verdict=f"{_ROOM}.verdict:verdict",
-        messages=f"{_ROOM}.messages:{name}",
-        resolve=f"{_ROOM}.automatic:resolve",
+        end_constants=f"{_ROOM}.law:end_constants",
+        verdict=f"{_ROOM}.certificate:verdict",
+        messages=f"{_ROOM}.certificate:{name}",
+        resolve=f"{_ROOM}.keys:resolve",
     )
 
 

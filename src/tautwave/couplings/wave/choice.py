@@ -37,10 +37,10 @@ from tautwave.analysis.wave_port.chatter import NoisyEnd, chatter, step_effort
 from tautwave.certificate.derate import derate_walls
 from tautwave.config import Rig
 from tautwave.config.keys.common import AUTO
+from tautwave.couplings.wave.claim import moved_inertia
 from tautwave.couplings.wave.device_port import SOFTER, port_of
 from tautwave.couplings.wave.from_keys import bare_port, coarsest_step, observer_of
 from tautwave.couplings.wave.keys import PLAIN, POLES, WavePair
-from tautwave.couplings.wave.standing import moved_inertia
 from tautwave.errors import UnchosenKeyError
 from tautwave.laws.port import port_reserve
 from tautwave.rig import allowances, axis_allowance, command_delays, coupled_axis

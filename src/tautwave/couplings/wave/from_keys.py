@@ -9,8 +9,7 @@ from tautwave.analysis.wave_port.lag import lag_power
 from tautwave.analysis.wave_port.sensor_noise import NoisePower, noise_bounds, noise_power
 from tautwave.contracts import CoupledAxis
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.couplings.wave.port import WHITE
-from tautwave.couplings.wave.records import WaveEndParams
+from tautwave.couplings.wave.port import WHITE, WaveEndParams
 from tautwave.errors import ConfigError
 from tautwave.laws.observer import ObserverParams, observer_params, plain_observer
 from tautwave.laws.port import PortParams, port_params, port_reserve, recovery_params

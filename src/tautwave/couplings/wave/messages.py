@@ -9,10 +9,9 @@ from typing import Any
 from tautwave.analysis.claim import Claim, short, watts
 from tautwave.analysis.wave_port.chatter import step_effort
 from tautwave.config import Axis, Rig
-from tautwave.couplings.wave.claim import allowance_of, claim_of
+from tautwave.couplings.wave.claim import allowance_of, claim_of, standing
 from tautwave.couplings.wave.from_keys import bare_port, observer_of, port_impedance
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.couplings.wave.standing import standing
 from tautwave.laws.ramp import ramp_bound, ramp_params
 from tautwave.laws.servo.admittance import greatest_stiffness
 from tautwave.types import CommandDelay

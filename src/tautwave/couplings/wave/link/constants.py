@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from tautwave.config.keys.common import AUTO
 from tautwave.config.keys.link import Link
-from tautwave.couplings.over_link.way import FEWEST_DAYS, reach, way_of
+from tautwave.couplings.over_link.constants import FEWEST_DAYS, reach, way_of
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.couplings.wave.link.records import LinkEndParams, LinkParams
+from tautwave.couplings.wave.link.law import LinkEndParams, LinkParams
 from tautwave.laws.counters import WAVE_QUANTUM
 from tautwave.laws.receiver import ReceiverParams, receiver_params
 from tautwave.link.network import network_places

@@ -7,8 +7,15 @@ from collections.abc import MutableSequence
 
 from tautwave.controller.records import AxisParams, AxisState, PairView
 from tautwave.controller.steps import SiteLaw
-from tautwave.couplings.wave.link.records import LinkEnd, LinkEndParams, LinkPair, LinkParams
-from tautwave.couplings.wave.link.steps import law, pass_end, take_note
+from tautwave.couplings.wave.link.law import (
+    LinkEnd,
+    LinkEndParams,
+    LinkPair,
+    LinkParams,
+    law,
+    pass_end,
+    take_note,
+)
 from tautwave.couplings.wave.port import LIMP, PORT_OVERDRAWN, POSITION_DEBT
 from tautwave.laws.counters import WAVE_QUANTUM, apart
 from tautwave.link.network import keep_sent

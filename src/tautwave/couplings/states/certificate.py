@@ -1,10 +1,12 @@
-"""What `check` and the report say of the laws of states; figures are SI of the master."""
+"""What is guaranteed and said of a law of states: verdict by its tuning, if at all; messages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from tautwave.certificate.data import CouplingVerdict, Element
+from tautwave.certificate.tuning.verdict import tuned_element
 from tautwave.config import Rig
 from tautwave.couplings.states.keys import PositionForcePair, ServoPair
 from tautwave.types import CommandDelay
@@ -49,3 +51,14 @@ def _messages(what: str) -> CouplingMessages:
 position_force = _messages("position to the slave, effort back")
 pd_damping = _messages("PD with damping injection")
 four_channel = _messages("four channels")
+
+
+REMEDY = "Give it an account (coupling.account: {}), or use law wave."
+
+
+def _coupler(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
+    """Yield the verdict on the law of one pair."""
+    yield tuned_element(rig, pair, delays, REMEDY)
+
+
+verdict = CouplingVerdict(_coupler, picture="no picture for this coupling")

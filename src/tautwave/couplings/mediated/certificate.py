@@ -1,10 +1,14 @@
-"""What `check` and the report say of law mediated; figures are SI of the master."""
+"""What is guaranteed and said of law mediated; figures are SI of the master.
+
+Without an account nothing is: the energy of a wrong model is unbounded.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from tautwave.certificate.data import CouplingVerdict, Element, Verdict
 from tautwave.config import Rig
 from tautwave.config.keys.coupling import chosen
 from tautwave.types import CommandDelay
@@ -42,3 +46,17 @@ messages = CouplingMessages(
     offset_caption="Dotted in the error: stretch of the slave's spring under the effort F.",
     offset_cause="its spring",
 )
+
+
+def _energy(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
+    """Yield the verdict on one pair."""
+    head = f"coupling of {pair}"
+    verdict = Verdict(
+        False,
+        f"{head}: not passive; a model that stiffens while in contact generates energy, and so "
+        f"does a slave that follows. Give it an account (coupling.account: {{}}).",
+    )
+    yield Element(head, "coupling", pair, verdict, verdict, {}, (verdict.reason,))
+
+
+verdict = CouplingVerdict(_energy, picture="a rendered model: no picture")

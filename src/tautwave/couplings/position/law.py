@@ -1,11 +1,13 @@
-"""The steps of a position coupling: spring and damper between what both sides see."""
+"""Law position: spring and damper between what both sides see; its steps, and their constants."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from tautwave.contracts import CoupledAxis
 from tautwave.controller.records import AxisParams, AxisState, PairParams
 from tautwave.controller.seen import seen_law
+from tautwave.couplings.position.keys import PositionPair
 from tautwave.laws.coupler import coupler_effort
 
 
@@ -32,3 +34,16 @@ def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
 
 
 law = seen_law("position", effort, spring=spring, alike=True)
+
+
+def coupler_constants(pair: PositionPair, side: str) -> PositionEndParams:
+    """Return spring and damper as one side feels them."""
+    return PositionEndParams(
+        stiffness=pair.in_device_units(side, pair.stiffness),
+        damping=pair.in_device_units(side, pair.damping),
+    )
+
+
+def end_constants(pair: PositionPair, side: str, axis: CoupledAxis) -> PositionEndParams:
+    """Return the constants of one end; they are the same on any axis."""
+    return coupler_constants(pair, side)

@@ -1,4 +1,4 @@
-"""A law of what each side sees of the other, over a network.
+"""A law of what each side sees of the other, over a network: constants, state, steps.
 
 In every slot each end says where it stands, how fast it is, the effort that it shows, and of an
 account the credit ever sent and its level. The newest word supersedes all older ones, so loss,
@@ -11,15 +11,16 @@ counts as standing where it was.
 from __future__ import annotations
 
 from collections.abc import MutableSequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.seen import SeenEnd, book_spring, no_spring, where_it_is
 from tautwave.controller.steps import OWN_GUARDS, Guard, Law, fill_no_signals, no_start
 from tautwave.controller.wrapping import bound, record_with
-from tautwave.couplings.over_link.records import Heard, News, NewsEnd, NewsEndParams
 from tautwave.laws.counters import ENERGY_QUANTUM, apart
-from tautwave.link.network import SENT, forward, newest_of, start_network
+from tautwave.link.network import SENT, Network, forward, newest_of, start_network
 from tautwave.link.news import (
     credit_said,
     effort_heard,
@@ -28,6 +29,67 @@ from tautwave.link.news import (
     motion_heard,
     motion_said,
 )
+from tautwave.models.network import NetworkParams
+
+
+class NewsEndParams(NamedTuple):
+    """Constants of one end.
+
+    `network` brings packets here, drawn for this `direction`. Places in the table: `seed`; `post`
+    with `days` slots that the other end sent, and what of them is under way (`link.network`);
+    `last`: the last slot of those. A packet repeats no slots: `repeated` is 0. `silence` and
+    `lost`: slots without a packet until the far side counts as standing, and until the run stops.
+    `position`: master units of what is said to it.
+    """
+
+    network: NetworkParams
+    seed: int
+    direction: int
+    post: int
+    days: int
+    last: int
+    repeated: int
+    silence: int
+    lost: int
+    position: float = 1.0
+
+
+class NewsParams(NamedTuple):
+    """Constants of a pair's link, in slots of `period_ns`."""
+
+    period_ns: int
+    master: NewsEndParams
+    slave: NewsEndParams
+
+
+@dataclass(slots=True)
+class NewsEnd:
+    """One end: exchanges so far, those since a packet came, the newest slot and credit heard."""
+
+    slot: int = 0
+    silent: int = 0
+    heard: int = -1
+    credit: int = 0
+    network: Network = field(default_factory=Network)
+
+
+@dataclass(slots=True)
+class News:
+    """Both ends; `cleared`: nothing has crossed since they were."""
+
+    cleared: bool = False
+    master: NewsEnd = field(default_factory=NewsEnd)
+    slave: NewsEnd = field(default_factory=NewsEnd)
+
+
+@dataclass(slots=True)
+class Heard:
+    """How the network stands, as recorded: age of the newest word, silence [s], packets lost."""
+
+    delay: float = 0.0
+    silence: float = 0.0
+    lost: float = 0.0
+
 
 PEER_LOST = OWN_GUARDS + 11
 """Code of the reason to stop."""

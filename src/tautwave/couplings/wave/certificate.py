@@ -26,7 +26,7 @@ from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.device_port import DevicePort, binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import coarsest_step, port_impedance
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.couplings.wave.servos.admittance import admittance_element
+from tautwave.couplings.wave.servos import admittance_element
 from tautwave.laws.port import plain_drain
 from tautwave.laws.receiver import RESERVE
 from tautwave.rig import at_axis_rate, axis_allowance, coupled_axis, judge_claim, pair_scale

@@ -1,1 +1,0 @@
-"""Verdicts on ports of devices that take velocities or positions."""
