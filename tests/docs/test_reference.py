@@ -153,6 +153,8 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     parts += _columns(load_rig(CONFIGS / "bench-mit-virtual.yaml", damped))
     operated = load_rig(CONFIGS / "bench-1dof-loopback.yaml", ["operate={}"])
     parts += with_operation(operated, build_rig(operated, clock="fake"), (), ()).columns
+    led = load_rig(CONFIGS / "bench-1dof-loopback.yaml", ["operate={policy: {}}"])
+    parts += with_operation(led, build_rig(led, clock="fake"), (), ()).columns
     with tuning_of(operated, build_rig(operated, clock="fake"), allowed=True) as tuning:
         assert tuning is not None
         parts += tuning.columns

@@ -110,7 +110,7 @@ class Body(ABC):
 
     @abstractmethod
     def _time_out(self) -> None:
-        """Stop, as nobody speaks to it any more."""
+        """Stop, since no frame arrives any more."""
 
     @abstractmethod
     def _overheat(self) -> bool:

@@ -47,14 +47,14 @@ def solid_of(points: Sequence[Point], triangles: Sequence[Triangle], name: str) 
     Raises
     ------
     ValueError
-        They are too many, no numbers, not closed, or turned inside out.
+        They are too many, not finite, not closed, or turned inside out.
     """
     check_count(len(triangles), name)
     at: dict[Point, int] = {}
     places: list[int] = []
     for number, point in enumerate(points):
         if not all(math.isfinite(part) for part in point):
-            raise ValueError(f"{name}: corner {number + 1} is no number: {point}")
+            raise ValueError(f"{name}: corner {number + 1} is not finite: {point}")
         x, y, z = point
         places.append(at.setdefault((x + 0.0, y + 0.0, z + 0.0), len(at)))  # -0.0 is 0.0
     welded = list(at)
