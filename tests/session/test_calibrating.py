@@ -133,6 +133,38 @@ def test_a_calibration_that_was_changed_or_is_gone_is_refused(bench: Path, tmp_p
             load_rig(moved)
 
 
+REFUSED = {
+    "no such file": None,
+    "is not the file that this rig was calibrated with": "axes:\n  master.lever: {zero: 9.0}\n",
+    "which the rig does not have": "axes:\n  slave.wrist: {zero: 1.0}\n",
+    "yaml:1: ": "axes: {a: [",
+    "has no `axes`": "a: 1\n",
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_what_a_refused_calibration_asks_for_works(bench: Path, tmp_path: Path, said: str) -> None:
+    """Each of its messages names `calibrate`, which leaves what is refused, and says so."""
+    moved, text = tmp_path / "bench.yaml", REFUSED[said]
+    moved.write_text(bench.read_text())
+    (tmp_path / "answers.txt").write_text("0.5\n")
+    if text is not None:
+        file = moved.with_suffix(".calibration.yaml")
+        file.write_text(text)
+        if not said.startswith("is not the file"):
+            moved.write_text(named_in(moved.read_text(), file.name, text))
+    with pytest.raises(ConfigError, match="run tautwave calibrate") as refused:
+        load_rig(moved)
+    assert said in str(refused.value)
+    done = calibrate(moved, "--steps", "zero")
+    assert done.exit_code == 0, done.output
+    assert "begins anew: " in done.output
+    assert said in done.output
+    again = load_rig(moved).calibration
+    assert again is not None
+    assert list(again.axes) == ["master.lever"]
+
+
 def test_the_command_line_goes_before_a_calibration(bench: Path) -> None:
     rig = load_rig(bench, ["master.axes.lever.position_range=[-3, 3]"])
     assert rig.master.axes["lever"].position_range == (-3.0, 3.0)

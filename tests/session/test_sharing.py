@@ -319,7 +319,7 @@ def test_traffic_that_is_no_lines_is_refused_in_a_sentence(tmp_path: Path, lines
 def test_a_walk_ends_in_a_file_that_shows_its_fault_at_a_glance(tmp_path: Path) -> None:
     rig = bench(tmp_path)
     target = tmp_path / "drives.json"
-    done = accept(rig, "identity,hand,motion", "0.1\n2 thirty\n", "--axis", "master.lever",
+    done = accept(rig, "identity,hand,motion", "0.1\n2 300\n", "--axis", "master.lever",
                   "--share", str(target))  # fmt: skip
     assert done.exit_code == 6, done.output
     found = read_shared(target)

@@ -56,7 +56,7 @@ def calibrate(
     TautwaveError
         The rig is refused, a device failed, or nobody answers.
     """
-    rig = _load(path, talk)
+    rig = load_begun(path, talk.say)
     _check(path, rig, asked)
     bare = uncalibrated(rig)
     axes = read_calibration(rig, path)
@@ -100,15 +100,15 @@ def calibrate(
     return file, axes
 
 
-def _load(path: Path, talk: Conversation) -> Rig:
-    """Return the rig, without a calibration that is refused."""
+def load_begun(path: Path, say: Callable[[str], None], *, choose: bool = True) -> Rig:
+    """Return the rig, without a calibration that is refused; that is said."""
     try:
-        return load_rig(path)
+        return load_rig(path, choose=choose)
     except ConfigError as err:
         if not any("calibration" in problem for problem in err.problems):
             raise
-        rig = load_rig(path, ["calibration=null"])
-        talk.say(f"begins anew: {err}")
+        rig = load_rig(path, ["calibration=null"], choose=choose)
+        say(f"begins anew: {err}")
         return rig
 
 
