@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from can.interfaces.virtual import VirtualBus
 from click.testing import CliRunner, Result
 
 from tautwave.cli import main
@@ -216,3 +219,18 @@ def test_a_stop_outranks_a_recording_that_is_incomplete_and_names_both() -> None
         identifying._tell("master.lever", SafetyStop("too fast"), "disk full")
     with pytest.raises(BusTimeout, match=r"^arm: no answer; disk full$"):
         identifying._tell("master.lever", BusTimeout("arm: no answer"), "disk full")
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_no_virtual_bus_stays_open(tmp_path: Path) -> None:
+    """Else python-can tells a person at the end that it was not shut down."""
+    rig = load_rig(CONFIGS / "bench-canopen-virtual.yaml", ["loop.overrun_limit=5000"])
+    with suppress(RecordingError):  # of so short a run
+        identify_device(
+            rig, axis="master.lever", out=tmp_path, duration_s=1.0, allow_uncertified=True
+        )
+    assert (tmp_path / "recording.mcap").exists()
+    buses = [one for one in gc.get_objects() if type(one) is VirtualBus]
+    assert [one for one in buses if one._is_shutdown]
+    assert not [one for one in buses if not one._is_shutdown]

@@ -399,6 +399,8 @@ def record_excitation(
             recorder.start()
             with loop_conditions(rig, clock), quiet_collector():
                 result = loop.run()
+            for simulator in assembly.simulators:
+                simulator.close()
             stats = recorder.close()
     refuse_enabled(assembly.buses, result.error)
     if isinstance(result.error, KeyboardInterrupt) and not result.opened:
