@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from tautwave.allowance import AxisAllowance
 from tautwave.analysis.claim import Claim, joules, short, stall_words, watts
-from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
-from tautwave.analysis.wave_port.port_loop import wave_end
 from tautwave.config import Rig, local_wall
 from tautwave.couplings.wave.from_keys import (
     bare_port,
@@ -31,9 +30,14 @@ from tautwave.rig import axis_allowance, axis_claim, coupled_axis, line_delay, w
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
 
+if TYPE_CHECKING:  # the process that moves motors asks for a claim, and for no linear end
+    from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
+
 
 def linear_end(pair: WavePair, side: str, device: Device, site: Site) -> LinearEnd:
     """Return the end at one side; its waves are those of the line."""
+    from tautwave.analysis.wave_port.port_loop import wave_end
+
     period = site.period
     mass = period / (2.0 * site.half_mobility)
     delay = site.delay_periods + site.late_share
