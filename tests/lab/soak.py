@@ -451,7 +451,8 @@ def soak(
     suites = []
     if minutes:
         suites.append(long(minutes, seed, link=link, tell=tell))
+        append_suites(append, suites)  # hours are kept, also if what follows is stopped
     if runs:
         suites.append(short(runs, tell))
-    append_suites(append, suites)
+        append_suites(append, suites[-1:])
     print_suites(suites, as_json)

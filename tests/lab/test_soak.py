@@ -57,6 +57,20 @@ def test_what_is_lost_grows_or_stays_is_in_the_goals() -> None:
         measured([])
 
 
+def test_the_hour_is_kept_although_the_short_runs_are_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*given: Any) -> Suite:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(soak, "long", lambda *given, **more: Suite("soak", [], []))
+    monkeypatch.setattr(soak, "short", stopped)
+    kept = tmp_path / "nightly.jsonl"
+    with pytest.raises(KeyboardInterrupt):
+        soak.soak.callback(1.0, 1, 0, False, kept, False)  # type: ignore[misc]
+    assert [json.loads(line)["bench"] for line in kept.read_text().splitlines()] == ["soak"]
+
+
 def test_leftovers_and_what_a_process_holds_are_counted(tmp_path: Path) -> None:
     before = held(os.getpid())
     with Leftovers(tmp_path / "temporary") as leftovers:

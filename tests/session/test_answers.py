@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tautwave.config import load_rig
 from tautwave.config.shipped import shipped_folder
+from tautwave.errors import ConfigError
 from tautwave.rig.arms import load_reserves
 from tautwave.session.acceptance.accepting import coupled_rig
 from tautwave.session.acceptance.day import Acceptance
@@ -41,6 +42,20 @@ def test_what_a_person_typed_before_a_question_starts_nothing() -> None:
         assert typed.take(0) == "30"
     finally:
         os.close(ours)
+        os.close(theirs)
+
+
+def test_a_terminal_that_hung_up_is_the_end_of_the_input() -> None:
+    ours, theirs = os.openpty()
+    typed = Typed(theirs)
+    os.close(ours)
+    try:
+        typed.ask(0)
+        with pytest.raises(ConfigError, match="end of input"):
+            typed.take(0)
+        typed.ask(0)  # another question of the same walk
+        assert not typed.more()
+    finally:
         os.close(theirs)
 
 

@@ -143,10 +143,6 @@ def _with_table(rig: Rig, assembly: Assembly, people: People) -> Assembly:
     return assembly._replace(control=control, sources=sources, columns=columns)
 
 
-def _axes(assembly: Assembly) -> list[str]:
-    return [name for bus in assembly.buses for name in bus.axes]
-
-
 def _leads(assembly: Assembly) -> Leads | None:
     """Return the virtual hands that a policy leads, None without any."""
     axes = [axis for world in assembly.simulators for axis in getattr(world, "axes", ())]

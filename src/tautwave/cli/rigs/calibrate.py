@@ -91,7 +91,7 @@ def calibrate(
     from tautwave.cli.rigs.talking import conversation
     from tautwave.cli.run import fresh_directory
     from tautwave.cli.terminal.progress import Progress
-    from tautwave.session.calibration.calibrating import Asked, load_begun
+    from tautwave.session.calibration.calibrating import Asked, load_to_calibrate
     from tautwave.session.calibration.calibrating import calibrate as run
     from tautwave.session.guided.running import Ways
 
@@ -99,7 +99,9 @@ def calibrate(
     wrong = [step for step in wanted if step not in STEPS]
     if wrong:
         raise ConfigError(f"calibrate: --steps: {wrong[0]!r} is not one of {', '.join(STEPS)}")
-    loaded = load_begun(rig, lambda _: None, choose=False)  # what is not taken of it is said below
+    loaded = load_to_calibrate(
+        rig, lambda _: None, choose=False
+    )  # what is not taken of it is said below
     asked = Asked(axes or tuple(loaded.axes), wanted, _stops(stops), identify_s)
     directory = fresh_directory(out, f"calibrate-{loaded.name}")
     ways = Ways(clock, simulate, attach, allow_unwatched, configure)

@@ -26,7 +26,7 @@ from tautwave.couplings.wave.claim import claim_of, claimed_sentence
 from tautwave.couplings.wave.device_port import DevicePort, binding, pair_of, port_of, remedy_of
 from tautwave.couplings.wave.from_keys import coarsest_step, port_impedance
 from tautwave.couplings.wave.keys import WavePair
-from tautwave.couplings.wave.servos import admittance_element
+from tautwave.couplings.wave.servos import admittance_element, whole_periods
 from tautwave.laws.port import plain_drain
 from tautwave.laws.receiver import RESERVE
 from tautwave.rig import at_axis_rate, axis_allowance, coupled_axis, judge_claim, pair_scale
@@ -146,13 +146,7 @@ def _passive(
     if isinstance(claim, str):
         return Verdict(False, f"{name}: its energy output is unbounded; give {claim}")
     if delay.remainder_s > 0.0:
-        return Verdict(
-            False,
-            f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
-            "number of periods, but the proof covers whole periods only; "
-            "choose a rate_hz whose period "
-            "divides the delay that the driver declares",
-        )
+        return Verdict(False, f"{name}: {whole_periods(delay)}")
     if delay.periods > LATEST:
         return Verdict(
             False,

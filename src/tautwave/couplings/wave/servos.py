@@ -28,13 +28,7 @@ def follower_verdict(
     if fault is not None:
         return Verdict(False, fault)
     if delay.remainder_s > 0.0:
-        return Verdict(
-            False,
-            f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
-            "number of periods, but the proof covers whole periods only; "
-            "choose a rate_hz whose period "
-            "divides the delay that the driver declares",
-        )
+        return Verdict(False, f"{name}: {whole_periods(delay)}")
     return Verdict(
         True,
         f"{name}: at the goal of a follower, passive by the proof in tautwave.laws.servo.follower "
@@ -47,6 +41,15 @@ def follower_verdict(
             f"the energy that the device of {axis_name} exchanges with what it touches is not "
             "measured and not part of any claim",
         ),
+    )
+
+
+def whole_periods(delay: CommandDelay) -> str:
+    """Say why a command delay of no whole number of periods is refused."""
+    return (
+        f"its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole number of periods, "
+        "but the proof covers whole periods only; choose a rate_hz whose period divides the delay "
+        "that the driver declares"
     )
 
 
@@ -141,13 +144,7 @@ def _passive(
             "damper. Require coupled_stable",
         )
     if delay.remainder_s > 0.0:
-        return Verdict(
-            False,
-            f"{name}: its commands act {delay.remainder_s * 1e3:.3g} ms later than a whole "
-            "number of periods, but the proof covers whole periods only; "
-            "choose a rate_hz whose period "
-            "divides the delay that the driver declares",
-        )
+        return Verdict(False, f"{name}: {whole_periods(delay)}")
     if lag is not None and REACHED * lag > rig.period_s:
         return Verdict(
             False,

@@ -56,7 +56,7 @@ def calibrate(
     TautwaveError
         The rig is refused, a device failed, or nobody answers.
     """
-    rig = load_begun(path, talk.say)
+    rig = load_to_calibrate(path, talk.say)
     _check(path, rig, asked)
     bare = uncalibrated(rig)
     axes = read_calibration(rig, path)
@@ -100,8 +100,8 @@ def calibrate(
     return file, axes
 
 
-def load_begun(path: Path, say: Callable[[str], None], *, choose: bool = True) -> Rig:
-    """Return the rig, without a calibration that is refused; that is said."""
+def load_to_calibrate(path: Path, say: Callable[[str], None], *, choose: bool = True) -> Rig:
+    """Return the rig; a calibration that is refused is left out, and `say` gets the reason."""
     try:
         return load_rig(path, choose=choose)
     except ConfigError as err:

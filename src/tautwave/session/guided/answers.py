@@ -7,6 +7,7 @@ import os
 import select
 import termios
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from tautwave.errors import ConfigError, SafetyStop
@@ -112,7 +113,8 @@ class Typed:
         """Drop what a person typed before; every line of a program is an answer."""
         if self._person and not self._ended:
             self._data = b""
-            termios.tcflush(self._descriptor, termios.TCIFLUSH)
+            with suppress(termios.error):  # it hung up: `take` says so
+                termios.tcflush(self._descriptor, termios.TCIFLUSH)
 
     def more(self) -> bool:
         """Return whether the input has not ended, as far as it was read."""
