@@ -84,4 +84,4 @@ def _led(rig: Rig, pair: str, which: int, delay: CommandDelay) -> LedAxis:
     has, allowance = axis_allowance(rig, f"master.{pair}", delay), RESERVES * law.reserve
     hand = HandParams(law, has.effort_step, has.quantum, period / RELEASE_S, allowance)
     late, gently = delay.remainder_s / period, rig.operate.align_acceleration
-    return LedAxis(pair, which, lead, hand, gently, delay.periods, late, period)
+    return LedAxis(pair, which, lead, hand, gently, delay.periods, late, period, has.velocity)

@@ -27,7 +27,8 @@ class LedAxis(NamedTuple):
 
     The limit of speed rises with `acceleration` [rad/s2 or m/s2] from 0 when the policy begins to
     lead: its actions may be far from where the master is. `delay` is the command's, in whole
-    periods, and `late` the remainder as a share of one; `period` [s] is one slot.
+    periods, and `late` the remainder as a share of one; `period` [s] is one slot. `fastest` is the
+    device's greatest speed [rad/s or m/s]: how it went between two samples is not seen.
     """
 
     pair: str
@@ -38,6 +39,7 @@ class LedAxis(NamedTuple):
     delay: int
     late: float
     period: float
+    fastest: float
 
 
 class MotorHand(Lead):
@@ -63,7 +65,7 @@ class MotorHand(Lead):
         self._leads = False
         self._waiting = deque([0.0] * axis.delay)
         self._acted = 0.0
-        self._sum, self._slots = 0.0, 0
+        self._acts: list[float] = []  # by slot since the last sample
         self._seen: tuple[float, float] | None = None
         self._armed = False
         self._beside = 0.0  # the controller's own effort in the period before
@@ -153,23 +155,29 @@ class MotorHand(Lead):
         self._armed = False
 
     def _close(self, s: AxisState, slots: int) -> None:
-        """Take the energy of the periods since the last sample from effort and displacement."""
+        """Take the energy of the periods since the last sample from effort and displacement.
+
+        Of more than one, only the whole way is known. The effort's mean does the work of that; by
+        going to and fro meanwhile a device takes at most its greatest way in a period, times how
+        far each period's effort is off the mean. That is counted as given.
+        """
         late = self.axis.late
         for _ in range(slots):
             effort = self.effort
             if self._waiting:
                 self._waiting.append(effort)
                 effort = self._waiting.popleft()
-            self._sum += late * self._acted + (1.0 - late) * effort
+            self._acts.append(late * self._acted + (1.0 - late) * effort)
             self._acted = effort
-        self._slots += slots
         if not s.valid:
             return
         if self._seen is not None:
             moved, brought = s.position - self._seen[0], self._reference - self._seen[1]
-            self.given += self._sum / self._slots * (moved - brought)
+            mean = sum(self._acts) / len(self._acts)
+            off = sum(abs(act - mean) for act in self._acts)
+            self.given += mean * (moved - brought) + off * self.axis.fastest * self._period
         self._seen = s.position, self._reference
-        self._sum, self._slots = 0.0, 0
+        self._acts.clear()
 
 
 class LedMasters(Leads):
