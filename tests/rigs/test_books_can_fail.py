@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tautwave.controller import rows
-from tautwave.couplings.wave import port, steps
+from tautwave.couplings.wave import law, port
 from tautwave.errors import SafetyStop
 from tautwave.laws.port import port_close
 from tautwave.rig import Assembly
@@ -43,7 +43,7 @@ def test_defect_a_wave_that_nobody_paid_for(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_defect_a_wave_duplicated_on_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    exchange = steps.exchange_waves
+    exchange = law.exchange_waves
     last = [0.0]
 
     def defect(*given: Any) -> tuple[float, float]:
@@ -51,7 +51,7 @@ def test_defect_a_wave_duplicated_on_the_line(monkeypatch: pytest.MonkeyPatch) -
         last.append(at_slave)
         return at_master, last[-2] if len(last) % 50 == 0 else at_slave
 
-    monkeypatch.setattr(steps, "exchange_waves", defect)
+    monkeypatch.setattr(law, "exchange_waves", defect)
     assert fails(run_rig(LOSSLESS))
 
 
