@@ -76,8 +76,8 @@ def wrong() -> dict[str, tuple[str, bytes, str]]:
         "cut": ("x.stl", whole[:-30], "684 bytes, and it has 654"),
         "short": ("x.stl", whole[:60], "60 bytes are no STL"),
         "cut text": ("x.stl", text[: len(text) // 2], "cut short"),
-        "no number": (
-            "x.stl", binary_stl(([(math.nan, 0.0, 0.0), *points[1:]], triangles)), "no number",
+        "not finite": (
+            "x.stl", binary_stl(([(math.nan, 0.0, 0.0), *points[1:]], triangles)), "is not finite",
         ),
         "word": ("x.stl", text.replace(b"vertex 0.02", b"vertex far", 1), "x.stl:4: three numbers"),
         "empty": ("x.stl", binary_stl((points, [])), "no triangles"),
