@@ -44,6 +44,16 @@ def test_no_line_of_the_changelog_begins_as_another() -> None:
     assert {text for text, count in beginnings.items() if count > 1} == set()
 
 
+def test_released_sections_of_the_changelog_can_be_read() -> None:
+    """The section of 0.2.0 once had 340 lines and 62 kB: nobody reads that before an upgrade."""
+    _, *released = (ROOT / "CHANGELOG.md").read_text().split("\n## ")[1:]
+    assert released, "no released section"
+    for section in released:
+        heading, *lines = section.splitlines()
+        assert len(lines) <= 125, heading
+        assert [line for line in lines if len(line) > 170] == [], heading
+
+
 def test_nothing_else_lies_on_the_top_level() -> None:
     """A redirect gone wrong was committed once as a file with a sentence for a name."""
     listed = subprocess.run(
