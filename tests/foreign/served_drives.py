@@ -19,6 +19,7 @@ from typing import Any
 
 import can
 
+from tautwave.multicast import only_its_group
 from tests.foreign.cia402 import ForeignDrive
 
 ROOT = Path(__file__).parents[2]
@@ -42,6 +43,7 @@ def _seen(drive: ForeignDrive) -> dict[str, Any]:
 def main() -> None:
     interface, channel, listed = sys.argv[1:]
     bus = can.Bus(interface=interface, channel=channel)
+    only_its_group(bus)
 
     def send(can_id: int, data: bytes) -> None:
         try:

@@ -156,6 +156,21 @@ def test_every_lint_exception_has_its_reason() -> None:
             assert "#" in line, f"no reason beside: {line}"
 
 
+def hears_all_groups(source: str) -> bool:
+    """Whether it opens what may be a bus of UDP multicast, and hears other groups on it."""
+    opened = re.findall(r"can\.Bus\((?![^)]*(?:virtual|socketcan)\b)", source)
+    return bool(opened) and "only_its_group(" not in source
+
+
+def test_whoever_opens_a_multicast_bus_keeps_to_its_group() -> None:
+    found = found_in([*SOURCES, *sorted((ROOT / "tests").rglob("*.py"))], hears_all_groups)
+    assert set(found) == {"tests/drivers/canopen/test_on_the_wire.py"}  # which closes it unheard
+
+
+def test_a_planted_listener_to_all_groups_is_noticed() -> None:
+    assert hears_all_groups('bus = can.Bus(interface="udp_' + 'multicast", channel=one)')
+
+
 def full_folders(folders: dict[str, int]) -> list[str]:
     """Folders with more modules beside each other than one takes in at a glance."""
     return sorted(folder for folder, modules in folders.items() if modules > MAX_FOLDER)

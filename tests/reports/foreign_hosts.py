@@ -19,6 +19,7 @@ import can
 import canopen
 from pymodbus.client import ModbusTcpClient
 
+from tautwave.multicast import only_its_group
 from tests.session.newcomers import served
 
 HERE = Path(__file__).parent / "foreign"
@@ -46,6 +47,8 @@ def canopen_host(path: Path, work: Path) -> None:
     with served(work, "canopen", *place):
         bus = can.Bus(interface="udp_multicast", channel=PLACE, receive_own_messages=False)
         tap = can.Bus(interface="udp_multicast", channel=PLACE)
+        only_its_group(bus)
+        only_its_group(tap)
         logger = can.CanutilsLogWriter(work / "host.log")
         notifier = can.Notifier(tap, [logger])
         network = canopen.Network(bus)

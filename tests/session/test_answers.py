@@ -20,13 +20,32 @@ from tautwave.session.guided.answers import Declined, Misread, Typed, confirmed,
 
 @given(st.text(max_size=8))
 def test_every_answer_is_read_asked_again_or_a_no(answer: str) -> None:
-    for read in (confirmed, number, one_of("+", "-", "0"), one_of("", "r", "q")):
+    newtons = number("N")
+    for read in (confirmed, newtons, one_of("+", "-", "0"), one_of("", "r", "q")):
         try:
             value = read(answer)
         except (Declined, Misread):
             continue
         assert read is not confirmed or answer.lower() in ("", "y", "yes")
-        assert read is not number or math.isfinite(value)
+        assert read is not newtons or math.isfinite(value)
+
+
+@pytest.mark.parametrize(
+    ("answer", "value"),
+    [
+        ("1.5", 1.5), ("1,5", 1.5), ("-0,125", -0.125), ("1.234", 1.234), ("1000", 1000.0),
+        ("2 N m", 2.0), ("2 Nm", 2.0), ("1e3", 1000.0), ("1234,567", 1234.567),
+        ("1,000", None), ("-12,345", None), ("1,000,000", None), ("1,000.5", None),
+        ("1.000,5", None), ("1 000", None), ("1 2", None), ("2 kg", None), ("2 N", None),
+        ("", None), ("nan", None), ("1e999", None),
+    ],
+)  # fmt: skip
+def test_a_number_is_never_guessed(answer: str, value: float | None) -> None:
+    if value is not None:
+        assert number("N m")(answer) == value
+        return
+    with pytest.raises(Misread, match=r"type (one number in N m|a decimal point, or no comma)"):
+        number("N m")(answer)
 
 
 def test_what_a_person_typed_before_a_question_starts_nothing() -> None:

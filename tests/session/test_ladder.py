@@ -179,11 +179,12 @@ def test_devices_that_are_not_ours_end_it(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_what_cannot_be_read_is_asked_again(tmp_path: Path) -> None:
     rig = bench(tmp_path)
-    answers = "0.1 sure\n0.1\n0.1 thirty\n0.1\n0.1 30 deg\n0\n"
+    answers = "0.1 sure\n0.1\n0.1 thirty\n0.1\n0.1 1,000\n0.1 30 deg\n0\n"
     found, said = led(rig, "identity,hand", answers)
     assert found.left == ["hand"]  # nobody moved it
     assert "'sure': Enter goes on, no ends this. are these your devices? Press Enter" in said
-    assert len([line for line in said if "type a number; no ends this" in line]) == 2
+    assert len([line for line in said if "type one number in degrees; no ends this" in line]) == 2
+    assert any("'1,000': it may be two numbers" in line for line in said)
     measured = {one["what"] + one["stage"]: one["measured"] for one in document(rig)["checks"]}
     assert measured["slave.leverscale"]["known_rad"] == pytest.approx(math.radians(30.0))
 

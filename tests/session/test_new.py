@@ -86,6 +86,7 @@ def test_an_eds_becomes_a_rig_that_is_read(tmp_path: Path) -> None:
     done = new(str(path), "--eds", str(tmp_path / "drive.eds"), "--master", "1,3", "--slave", "2,4")
     assert done.exit_code == 0, done.output
     assert "TODO" in done.output
+    assert done.output.endswith(f"next: tautwave check {path}, then tautwave accept {path}\n")
     rig = load_rig(path, choose=False)
     nodes = rig.buses["can"].options["nodes"]
     assert [node["id"] for node in nodes] == [1, 3, 2, 4]
@@ -110,7 +111,9 @@ def test_a_profile_becomes_a_rig_that_is_read(tmp_path: Path) -> None:
 
 def test_an_example_is_copied_under_its_new_name(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
-    assert new(str(path), "--from", "bench-1dof-loopback").exit_code == 0
+    done = new(str(path), "--from", "bench-1dof-loopback")
+    assert done.exit_code == 0
+    assert done.output.endswith(f"next: tautwave check {path}\n")
     assert load_rig(path).name == "mine"
 
 

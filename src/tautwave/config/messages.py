@@ -84,8 +84,16 @@ def _report(document: Document, model: type[Any], base: KeyPath, err: Validation
     for place, error in zip(places, errors, strict=True):
         if error["type"] == "missing" and place.path in meant:
             continue  # the misspelt key is this one
+        if error["type"] == "too_short" and any(_inside(other, error) for other in errors):
+            continue  # pydantic counts items that are right; those that are wrong are reported
         path, text = _sentence(document, place, error)
         document.report(path, text)
+
+
+def _inside(inner: Any, outer: Any) -> bool:
+    """Return whether an error is one of what another is about."""
+    depth = len(outer["loc"])
+    return len(inner["loc"]) > depth and inner["loc"][:depth] == outer["loc"]
 
 
 def _keys(model: type[BaseModel]) -> list[str]:

@@ -18,6 +18,7 @@ import pytest
 from tautwave.clock import FakeClock, MonotonicClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.errors import ConfigError, DriverError
+from tautwave.multicast import only_its_group
 from tautwave.registry import load_simulator
 from tautwave_sim.canopen import simulator
 from tautwave_sim.canopen.bench import CanopenBench, bench
@@ -196,6 +197,7 @@ def test_drives_in_another_process() -> None:
         bus = can.Bus(interface="udp_multicast", channel=GROUP)
     except OSError as err:
         pytest.skip(f"no multicast here: {err}")
+    only_its_group(bus)
     try:
         with process("--nodes", "1,2", "--interface", "udp_multicast", "--channel", GROUP) as found:
             assert found[1] == {

@@ -128,7 +128,7 @@ def new(
         _rewritten(rig, Path(example))
         return
     if example is not None:
-        _write(rig, _copied(example, rig.stem))
+        _write(rig, _copied(example, rig.stem), "check")
         return
     from tautwave.session.new.choosing import halves, numbers, select
     from tautwave.session.new.draft import Draft
@@ -157,7 +157,7 @@ def new(
     if arms:
         hand, task, names = _within(arms, hand, task, joints)
     text = fitted_text(Draft(rig.stem, hand, task, names, 0.0, arms=arms, path=rig), rig)
-    _write(rig, text)
+    _write(rig, text, *(("check", "accept") if eds or profile else ("calibrate", "accept")))
 
 
 def _arms(urdfs: Sequence[Path], tips: Sequence[str], bases: Sequence[str]) -> dict[str, Arm]:
@@ -320,7 +320,7 @@ def _rewritten(rig: Path, before: Path) -> None:
     load_rig(rig, choose=False)  # what is left to do by hand is said with its line
 
 
-def _write(rig: Path, text: str, then: str = "calibrate") -> None:
+def _write(rig: Path, text: str, *commands: str) -> None:
     from tautwave.files import make_directory, write_text
 
     make_directory(rig.parent)
@@ -328,4 +328,5 @@ def _write(rig: Path, text: str, then: str = "calibrate") -> None:
     left = text.count("TODO") - text.count("marked TODO")
     marks = f", {left} marked TODO" if left else ""
     click.echo(f"{rig}: {len(text.splitlines())} lines{marks}")
-    click.echo(f"next: tautwave {then} {shlex.quote(str(rig))}")
+    name = shlex.quote(str(rig))
+    click.echo(f"next: {', then '.join(f'tautwave {command} {name}' for command in commands)}")

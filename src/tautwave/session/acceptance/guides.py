@@ -28,6 +28,7 @@ EFFORT_SHARES = (0.1, 0.2)
 EFFORT_ERROR = 0.2
 SETTLE_S = 1.0
 BACK_S = 0.2
+DEGREES = ["degrees", "degree", "deg", "°"]
 
 Checks = Generator[None, None, list[Check]]
 
@@ -38,11 +39,11 @@ def sign_and_scale(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Che
     for name in axes:
         unit = _unit(rig, name)
         before = yield from mean_positions([name], control)
-        known_as = "a known angle and hold it; type it in degrees"
+        known_as, units = "a known angle and hold it; type it in degrees", DEGREES
         if unit == "m":
-            known_as = "a known distance and hold it; type it in mm"
+            known_as, units = "a known distance and hold it; type it in mm", ["mm"]
         typed = yield from control.ask(
-            f"{name}: move it in the positive direction by {known_as}", number
+            f"{name}: move it in the positive direction by {known_as}", number(*units)
         )
         now = yield from mean_positions([name], control)
         moved = now[name] - before[name]
@@ -164,7 +165,7 @@ def efforts(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
             control.push(name, effort)
             yield from _wait(control, SETTLE_S)
             rests += yield from rest_now(rig, name, effort, control)
-            read = yield from control.ask(f"{name}: scale reading in {unit}:", number)
+            read = yield from control.ask(f"{name}: scale reading in {unit}:", number(unit))
             control.push(name, 0.0)
             numbers: dict[str, float | str] = {
                 "commanded": effort, "read": read, "ratio": read / effort

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import select
 import termios
 from collections.abc import Callable, Sequence
@@ -13,6 +14,8 @@ from typing import Protocol
 from tautwave.errors import ConfigError, SafetyStop
 from tautwave.runtime.operate.commands import timed_lines
 
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+"""A comma that may stand for a decimal point or between thousands."""
 NO, YES = ("n", "no", "q", "quit"), ("", "y", "yes")
 
 
@@ -40,24 +43,28 @@ def confirmed(answer: str) -> str:
     return answer
 
 
-def number(answer: str) -> float:
-    """Read a number, with a comma or a point; words after it, such as its unit, are left.
+def number(unit: str, *others: str) -> Callable[[str], float]:
+    """Return what reads a finite number, with a decimal comma or point; its unit may follow.
 
-    Raises
-    ------
-    Declined
-        It says no.
-    Misread
-        It has no finite number.
+    `others` are further spellings of it. No reading is guessed: `1,000` and `1 000` may be 1 or
+    1000, and another unit is another number.
     """
-    _decline(answer)
-    try:
-        value = float(answer.replace(",", ".").split()[0])
-    except (ValueError, IndexError):
-        value = math.nan
-    if not math.isfinite(value):
-        raise Misread("type a number; no ends this")
-    return value
+    spelt = {one.replace(" ", "") for one in ("", unit, *others)}
+
+    def read(answer: str) -> float:
+        _decline(answer)
+        first, *words = answer.split() or [""]
+        if _THOUSANDS.fullmatch(first):
+            raise Misread("it may be two numbers: type a decimal point, or no comma")
+        try:
+            value = float(first.replace(",", "."))
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or "".join(words) not in spelt:
+            raise Misread(f"type one number in {unit}; no ends this")
+        return value
+
+    return read
 
 
 def one_of(*words: str) -> Callable[[str], str]:

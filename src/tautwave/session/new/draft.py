@@ -55,7 +55,7 @@ def _lines(draft: Draft) -> Iterator[str]:
     if draft.simulated:
         yield "# a motor moves, then remove the mark. Until then they are what is simulated."
     else:
-        yield "# anything moves, then unmark it. Then calibrate (--configure once), check, run."
+        yield "# anything moves, then unmark it. Then: calibrate (--configure once), accept, run."
     yield ""
     yield f"name: {flow_yaml(draft.name)}"
     if draft.simulated:
