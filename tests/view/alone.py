@@ -93,6 +93,47 @@ def operate(browser: Browser) -> dict[str, bool]:
     return found
 
 
+SHADES = """((faulted) => {
+  const calm = tautwave.soFar;
+  tautwave.soFar = {...calm, faulted};
+  const shade = (id) => {
+    const badge = document.getElementById(id);
+    const {backgroundColor, color} = getComputedStyle(badge);
+    return [badge.textContent, badge.className, backgroundColor, color];
+  };
+  const states = ["running", ...tautwave.facts.states].map((state) => {
+    tautwave.showState(state);
+    return shade("state");
+  });
+  const certificates = Object.keys({ok: 0, note: 0, bad: 0, open: 0}).map((severity) => {
+    tautwave.showCertificate({...tautwave.facts.certificate, state: severity, severity});
+    return shade("certificate");
+  });
+  tautwave.soFar = calm;
+  tautwave.showCertificate(tautwave.facts.certificate);
+  return [...states, ...certificates];
+})"""
+"""Texts, classes and colours of the header's badges: every state, every severity."""
+
+
+def shades(browser: Browser) -> dict[str, list[list[str]]]:
+    """Return what the badges say and how, by theme, without and after a fault."""
+    found = {}
+    for dark in (False, True):
+        browser.look(1400, 1000, dark=dark)
+        for faulted in (False, True):
+            name = f"{'dark' if dark else 'light'}{' after a fault' if faulted else ''}"
+            found[name] = list(browser.run(f"{SHADES}({json.dumps(faulted)})"))
+    browser.look(1400, 1000, dark=False)
+    return found
+
+
+BARRED = """["#stop", "#apply", "#episode-begin", ...["engage", "clutch", "hold", "rest"].map(
+  (word) => `[data-word=${word}]`)].map((one) => [one, document.querySelector(one)])
+  .map(([one, button]) => [one, button.disabled && button.title])"""
+"""By button: what it says it is disabled for."""
+
+
 def bad_day(browser: Browser) -> dict[str, Any]:
     """Give the page a run's faults; return what its header, its buttons and its journal say."""
     cause = {"at_s": 2.0, "word": "fault", "source": "controller", "state": "holding",
@@ -104,12 +145,16 @@ def bad_day(browser: Browser) -> dict[str, Any]:
     calm = "structuredClone(tautwave.soFar)"
     return dict(browser.run(
         f"(()=>{{const calm = {calm}; const read = (id) => document.getElementById(id).textContent;"
-        f"tautwave.hearSoFar({json.dumps(said)});"
+        "const hear = (said) => tautwave.hear({op: 'so_far', ...said});"
+        f"hear({json.dumps(said)});"
         "const engage = document.querySelector('[data-word=engage]');"
         "const found = {events: read('events'), why: read('why'), engage: engage.disabled,"
+        " shade: document.getElementById('events').className,"
         " title: engage.title, entries: [...document.querySelectorAll('#entries li')].slice(0, 3)"
         ".map((one) => one.textContent)};"
-        "tautwave.hearSoFar(calm); return found})()"
+        "hear({...calm, kinds: [], faults: 1});"
+        "found.acknowledged = document.getElementById('events').className;"
+        "hear(calm); return found})()"
     ))  # fmt: skip
 
 
@@ -174,7 +219,10 @@ def fire(browser: Browser, column: str, level: float, mode: str) -> float | None
 
 def tune(browser: Browser, value: float) -> str:
     """Ask for a stiffness; return what the page says."""
-    browser.run(f"document.querySelector('[aria-label={json.dumps(K)}]').value = {value}")
+    browser.run(
+        f"(e=>{{e.value = {value}; e.dispatchEvent(new Event('input', {{bubbles: true}}))}})"
+        f"(document.querySelector('[aria-label={json.dumps(K)}]'))"
+    )
     browser.run("document.getElementById('note').textContent = ''")
     click(browser, "#apply")
     browser.wait("/K = |certified:|not on/.test(document.getElementById('note').textContent)")
@@ -282,6 +330,7 @@ def main(directory: Path, looked_at: bool) -> None:
         found["name"] = text(browser, "rig")
         found["token in address"] = "#" in browser.run("location.href")
         found["bad day"] = bad_day(browser)
+        found["shades"] = shades(browser)
         found["buttons"] = operate(browser)
         browser.run("(e=>{e.value = 1; e.onchange()})(document.getElementById('span'))")
         found["fired"] = {mode: fire(browser, "master.lever.position", 0.1, mode)
@@ -303,6 +352,7 @@ def main(directory: Path, looked_at: bool) -> None:
         found["overprints"] = browser.run(OVERPRINTS)
         click(browser, "#stop")
         found["ended"] = browser.wait("tautwave.ended")
+        found["barred"] = dict(browser.run(BARRED))
         found["seen"] = browser.run("tautwave.store.end")
         found["first"] = browser.run("tautwave.store.first")
         found["requests"] = sorted(set(browser.requests))

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tautwave.runtime.operate.states import AFTER_FAULT
+from tautwave.runtime.operate.states import AFTER_FAULT, STATES
 from tests.view.browser import CHROMIUM
 
 ROOT = Path(__file__).parents[2]
@@ -61,6 +61,7 @@ def test_every_button_works(seen: dict[str, Any]) -> None:
 def test_a_bad_day_does_not_look_good(seen: dict[str, Any]) -> None:
     day = seen["bad day"]
     assert day["events"] == "28 faults, 1 stop, cut off 2 times"
+    assert (day["shade"], day["acknowledged"]) == ("badge bad", "badge note")
     assert day["engage"]  # is disabled, and says why
     assert day["title"] == AFTER_FAULT
     assert AFTER_FAULT in day["why"]
@@ -68,6 +69,46 @@ def test_a_bad_day_does_not_look_good(seen: dict[str, Any]) -> None:
     assert first == "2.00 sfirst cause, fault (controller): slave.lever: no power"
     assert last.endswith("slave.lever: 3 samples missing (x 27, last 66.60 s)")
     assert again.endswith("no power")
+
+
+STATE_SHADES = {"running": "good", "engaged": "good", "holding": "note"}
+SEVERITIES = {"ok": "good", "note": "note", "bad": "bad", "open": ""}
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast of two colours of CSS, `rgb(r, g, b)` (WCAG 2.2)."""
+
+    def luminance(text: str) -> float:
+        parts = [int(part) / 255.0 for part in re.findall(r"\d+", text)[:3]]
+        r, g, b = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_badge_has_the_colour_of_what_it_says(seen: dict[str, Any], theme: str) -> None:
+    states = ["running", *STATES]
+    colours = {}
+    for after, faulted in (("", False), (" after a fault", True)):
+        shown = seen["shades"][theme + after]
+        expected = [f"{state}{after}" for state in states]
+        assert [text for text, *_ in shown[: len(states)]] == expected
+        wanted = ["bad" if faulted else STATE_SHADES.get(state, "") for state in states]
+        wanted += SEVERITIES.values()
+        assert [level.removeprefix("badge").strip() for _, level, *_ in shown] == wanted
+        for _, level, ground, ink in shown:
+            assert contrast(ground, ink) >= 4.5
+            colours[level] = ground
+    assert len(set(colours.values())) == 4
+    red, green, blue = (int(part) for part in re.findall(r"\d+", colours["badge note"])[:3])
+    assert red > green > blue  # amber
+
+
+def test_nothing_can_be_asked_of_a_run_that_has_ended(seen: dict[str, Any]) -> None:
+    assert set(seen["barred"].values()) == {"the run has ended"}
+    assert len(seen["barred"]) == 7
 
 
 def test_no_number_is_printed_over_a_box(seen: dict[str, Any]) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import json
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -16,12 +18,18 @@ from websockets.sync.client import connect
 from tautwave.config import Pointer, load_rig
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.laws.lead import LeadParams
+from tautwave.models.hand import PAPER_HAND as GRIP
+from tautwave.models.plant import PlantParams, plant_cache, plant_step
+from tautwave.rig import build_rig
 from tautwave.rig.led import led_by_pointer
 from tautwave.rig.ways import bus_ways
-from tautwave.runtime.operate.lead import Leads, Pointed
+from tautwave.runtime.operate.lead import LOOK_S, Leads, Pointed
 from tautwave.runtime.operate.mailbox import Mailbox
+from tautwave.session.engine import scene_devices
 from tautwave.session.viewing.pointing import pointed_hands, refuse_pointers
+from tautwave.simulation.memory import run_in_memory
 from tautwave.view.watched import Watched
+from tautwave_scenes.session.pace import use_engine
 from tests.view.served import served
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -60,6 +68,53 @@ def test_a_hand_holds_until_a_pointer_comes_and_where_it_rests_and_then_pulls_no
     assert reference == pytest.approx(0.25)
     hand.let_go()
     assert hand.aim(0.21) == (0.21, 0.0)
+
+
+@given(st.floats(-0.6, 0.6), st.floats(-3.0, 3.0))
+def test_a_hand_that_let_go_gives_nothing_and_is_an_end_stop_at_its_range(
+    place: float, speed: float
+) -> None:
+    hand = Pointed(PARAMS, place, PERIOD, TIMEOUT)
+    hand.want(0.0)
+    hand.let_go()
+    plant = PlantParams(0.1, 0.0, 0.0, GRIP.stiffness, GRIP.damping, *[0.0] * 6)
+    cache = plant_cache(plant, PERIOD)
+    x, v, mode = place, speed, 0
+    before = math.inf
+    for _ in range(300):
+        reference, rate = hand.aim(x)
+        assert (reference, rate) == (max(PARAMS.low, min(PARAMS.high, x)), 0.0)
+        energy = 0.5 * plant.mass * v * v + 0.5 * plant.grip_stiffness * (x - reference) ** 2
+        assert energy <= before * (1.0 + 1e-9) + 1e-15
+        before = energy
+        x, v, mode = plant_step(plant, cache, x, v, mode, 0.0, reference, rate, PERIOD)[:3]
+    assert abs(v) < 0.01
+    assert PARAMS.low - 0.01 < x < PARAMS.high + 0.01
+
+
+@pytest.mark.slow
+def test_a_bar_that_is_let_go_stays_inside_its_range_while_grains_push_it() -> None:
+    rig = led_by_pointer(load_rig(CONFIGS / "scene-granular.yaml"))
+    devices = scene_devices(rig, "compiled")
+    built = use_engine(build_rig(rig, clock="fake", duration_s=4.0, devices=devices), "compiled")
+    (hand,) = [axis.lead for world in built.simulators for axis in world.axes]
+    looks = itertools.count()
+
+    def look() -> None:
+        at = next(looks) * LOOK_S
+        if at < 0.6:  # down onto the grains
+            hand.want(-0.018)
+        elif not hand.stale:
+            hand.let_go()
+
+    hand.look = look
+    result, rows = run_in_memory(built)
+    assert result.error is None
+    position = rows[:, list(built.columns).index("true.master.bar.position")]
+    low, high = hand.range
+    assert position.min() < -0.01
+    late = position[len(position) // 2 :]
+    assert low - 5e-3 < late.min() <= late.max() < high + 5e-3
 
 
 @pytest.mark.parametrize("name", PLAYED)

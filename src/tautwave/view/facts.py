@@ -9,6 +9,7 @@ from typing import Any
 from tautwave.config import Rig, SolidWall, local_wall
 from tautwave.runtime.operate.commands import EPISODE, HAND_BACK, TAKE_OVER
 from tautwave.runtime.operate.journal import Journal
+from tautwave.runtime.operate.led import leads_already
 from tautwave.runtime.operate.states import (
     AFTER_FAULT,
     BUTTONS,
@@ -21,6 +22,7 @@ from tautwave.runtime.operate.states import (
     refusal,
 )
 from tautwave.runtime.tap import Live
+from tautwave.summary.model import certified_severity
 
 ELEMENT = re.compile(r"(?P<pair>.+)\.(?P<element>[^.]+)\.absorbed")
 
@@ -35,17 +37,25 @@ def facts_of(live: Live, rig: Rig) -> dict[str, Any]:
         "delay_s": None if rig.scene is not None else rig.coupling.delay_s,
         "law": "scene" if rig.scene is not None else rig.coupling.law,
         "pairs": [_pair(live, rig, name) for name in facts.get("units", {})],
-        "certificate": facts.get("certificate"),
+        "certificate": _certificate(facts.get("certificate")),
         "states": list(STATES),
         "commands": commands_of(live, rig),
         "scales": scales_of(rig),
         "refusals": _refusals(),
         "after_fault": AFTER_FAULT,
+        "leads_already": {word: leads_already(word) for word in (TAKE_OVER, HAND_BACK)},
         "dead_men": dead_men_of(rig),
         "pointer": (facts.get("pointer") or {}).get("ranges"),
         "axes": [] if rig.scene is None else [_scene_axis(rig, name) for name in rig.master.axes],
         "tunables": _tunables(facts.get("tuning")),
     }
+
+
+def _certificate(facts: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Return a certificate with how serious its state is."""
+    if facts is None:
+        return None
+    return {**facts, "severity": certified_severity(facts["passed"], facts["state"])}
 
 
 def commands_of(live: Live, rig: Rig) -> list[str]:

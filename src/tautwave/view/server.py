@@ -207,7 +207,7 @@ class Server:
                 await asyncio.sleep(WAIT_S)
             for viewer in self.viewers:
                 viewer.tell("ended", directory=str(self.directory))
-                viewer.tell("sound", wav=wav)
+                viewer.tell("sound", wav=wav, directory=str(self.directory))
 
     def _open(self) -> None:
         run = Watched.of_run(self.directory)

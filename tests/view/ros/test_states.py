@@ -171,6 +171,10 @@ def test_diagnostics_of_what_is_wrong() -> None:
     refused = {"passed": False, "state": "refused", "require": "passive", "sentences": ["why"]}
     fault = (1, {"word": "fault", "state": "holding", "text": "slave.lever: no sample"})
     rows = [[0.0, 1.0, 0.0, 1.0, float(STATES.index("holding")), 0.0, 0.0, 0.0, 0.0]]
+    depends = {"passed": True, "state": "conditional", "require": "passive", "sentences": ["if"]}
+    (certificate, *_) = statuses(live(certificate=depends), rows, 0, [], "")
+    assert (certificate.level, certificate.message) == (WARN, "conditional")
+    assert [pair.value for pair in certificate.values] == ["passive", "if"]
     found = seen(statuses(live(certificate=refused), rows, 0, [fault], ""))
     assert found["certificate"] == (ERROR, "refused")
     assert found["run"] == (ERROR, "holding; fault: slave.lever: no sample")

@@ -60,9 +60,11 @@ class Pointed(Lead):
     """What a hand wants that the pointer of a page leads; without word of it the hand lets go.
 
     Before the first word it holds where it stands, or grains would throw it out of its range
-    before a person has opened the page.
+    before a person has opened the page. Where it has let go, it is an end stop at both ends of the
+    pointer's range: nothing else would keep grains from throwing a bar without weight away.
 
-    It is passive: a spring of bounded force to the pointer's place, and the grip's mass and damper.
+    It is passive: a spring of bounded force to the pointer's place, or springs that push from the
+    ends of the range inwards, and the grip's mass and damper.
 
     Parameters
     ----------
@@ -100,14 +102,15 @@ class Pointed(Lead):
         super().want(position)
 
     def aim(self, place: float) -> tuple[float, float]:
-        """Return the reference at this slot and its rate; where the device is without a pointer."""
+        """Return the reference at this slot and its rate; without a pointer the device's place."""
         if self._slot % self._looks == 0:
             self.look()
         self._slot += 1
         if not (self._led and self.stale):
             return super().aim(place)
-        self._reference = self._goal = place
-        return place, 0.0
+        low, high = self.range
+        self._reference = self._goal = max(low, min(high, place))
+        return self._reference, 0.0
 
 
 class Leads:

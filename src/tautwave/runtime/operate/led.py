@@ -211,7 +211,7 @@ class LedMasters(Leads):
         """Let the other one lead; return why not, or ''."""
         person = word == TAKE_OVER
         if person == self._person:
-            return f"{word}: the {PERSON if person else POLICY} leads already"
+            return leads_already(word)
         self._person = person
         return ""
 
@@ -241,6 +241,11 @@ class LedMasters(Leads):
             row[at + 1] = hand.effort
             row[at + 2] = hand.given
             at += 3
+
+
+def leads_already(word: str) -> str:
+    """Return why `take_over` or `hand_back` is refused where it changes nothing."""
+    return f"{word}: the {PERSON if word == TAKE_OVER else POLICY} leads already"
 
 
 def switched(led: LedMasters | None, word: str) -> str:

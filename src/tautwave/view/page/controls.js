@@ -29,6 +29,7 @@ export class Controls {
     this.facts = facts;
     this.send = send;
     this.may = facts.may;
+    this.cut = ""; // why nothing can be asked of the run now
     this.state = null;
     this.episode = 0;
     this.faults = null;
@@ -51,6 +52,7 @@ export class Controls {
     el("episode-success").onclick = () => this.command("episode success");
     el("episode-failed").onclick = () => this.command("episode failed");
     this.fillTuning();
+    el("tuning").oninput = () => this.enable();
     this.enable();
   }
 
@@ -75,24 +77,41 @@ export class Controls {
     this.send({ op: "command", line });
   }
 
+  reach(why) {
+    this.cut = why;
+    this.enable();
+  }
+
   allow(may) {
     this.may = may;
     this.enable();
   }
 
   // The state as the newest row has it.
-  show(state, episode, scale) {
+  show(state, episode, scale, person) {
     for (const button of this.scales) button.classList.toggle("on", Number(button.value) === scale);
-    if (state === this.state && episode === this.episode) return;
+    if (state === this.state && episode === this.episode && person === this.person) return;
     if (this.state !== null && state !== this.state) this.beep(state);
     this.state = state;
     this.episode = episode;
+    this.person = person;
     this.enable();
+  }
+
+  leadsAlready(word) {
+    return word === (this.person ? "take_over" : "hand_back");
+  }
+
+  // Why every command would be refused now.
+  barred() {
+    return this.cut || (this.may ? "" : NO_TOKEN);
   }
 
   // Why a command would be refused now, "" where it would not.
   refusal(word) {
-    if (!this.may) return NO_TOKEN;
+    const barred = this.barred();
+    if (barred) return barred;
+    if (this.leadsAlready(word)) return this.facts.leads_already[word];
     if (word === "engage" && this.faulted) return this.facts.after_fault;
     return this.facts.refusals[this.state]?.[word] ?? "";
   }
@@ -108,15 +127,17 @@ export class Controls {
     for (const button of this.scales) set(button, this.refusal("scale"));
     const none = this.episode ? "" : "episode success, failed: no episode is running";
     const runs = this.episode ? `episode ${this.episode} is running; end it first, with success or failed` : this.refusal("episode");
-    set(el("episode-begin"), this.may ? runs : NO_TOKEN, this.episode ? "" : "episode");
-    for (const id of ["episode-success", "episode-failed"]) set(el(id), this.may ? none : NO_TOKEN);
-    set(el("apply"), this.may ? "" : NO_TOKEN);
+    const barred = this.barred();
+    set(el("episode-begin"), barred || runs, this.episode ? "" : "episode");
+    for (const id of ["episode-success", "episode-failed"]) set(el(id), barred || none);
+    set(el("apply"), barred || (this.asked().length ? "" : "write a new value first"));
     const why = [];
-    if (!this.may) {
-      why.push(NO_TOKEN);
+    if (barred) {
+      why.push(barred);
     } else {
       if (this.faulted) why.push(this.facts.after_fault);
-      const others = this.faulted ? words.filter((word) => word !== "engage") : words;
+      const others = words.filter((word) => !(this.faulted && word === "engage") && !this.leadsAlready(word));
+      why.push(...words.filter((word) => this.leadsAlready(word)).map((word) => this.facts.leads_already[word]));
       if (others.length) why.push(`not possible while ${this.state}: ${others.join(", ")}`);
       if (this.facts.dead_men.length) why.push(`engages only while held: ${this.facts.dead_men.join(", ")}`);
     }
@@ -179,16 +200,18 @@ export class Controls {
     el("tunables").replaceChildren(...this.rows.map((row) => row.row));
     el("tuning").querySelector("form").onsubmit = (event) => {
       event.preventDefault();
-      const values = {};
-      for (const { one, input } of this.rows) {
-        if (input && input.value !== "") values[one.path] = Number(input.value);
-      }
-      this.send({ op: "tune", values });
+      this.send({ op: "tune", values: Object.fromEntries(this.asked()) });
     };
+  }
+
+  // New values that were written, by path.
+  asked() {
+    return this.rows.filter(({ input }) => input?.value).map(({ one, input }) => [one.path, Number(input.value)]);
   }
 
   tuned() {
     for (const { input } of this.rows) if (input) input.value = "";
+    this.enable();
   }
 
   showTuning(store) {

@@ -14,7 +14,7 @@ const token = location.hash.slice(1) || sessionStorage.getItem("token") || "";
 sessionStorage.setItem("token", token);
 history.replaceState(null, "", location.pathname);
 
-const app = { ended: false, hearSoFar: soFar };
+const app = { ended: false, hear: (said) => hear[said.op](said), showState, showCertificate };
 window.tautwave = app; // for scripts and for the curious
 
 function note(text, kind) {
@@ -29,6 +29,23 @@ function badge(id, text, kind) {
   el(id).hidden = !text;
 }
 
+// How a state is seen: a rig that does what was asked, one that waits, one that is kept from it.
+const LEVELS = { running: "good", engaged: "good", holding: "note" };
+const CERTIFIED = { ok: "good", note: "note", bad: "bad" };
+
+function showState(state) {
+  const faulted = app.soFar?.faulted;
+  if (app.ended) badge("state", "");
+  else badge("state", faulted ? `${state} after a fault` : state, faulted ? "bad" : LEVELS[state]);
+}
+
+function showCertificate(certificate) {
+  if (!certificate) return;
+  const text = `${certificate.require.replaceAll("_", " ")}: ${certificate.state}`;
+  badge("certificate", certificate.severity === "bad" ? "not certified" : text, CERTIFIED[certificate.severity]);
+  el("certificate").title = certificate.sentences.join("\n");
+}
+
 function begin(facts) {
   app.facts = facts;
   app.store = new Store(facts.columns, facts.rate_hz);
@@ -39,12 +56,7 @@ function begin(facts) {
   document.title = `${facts.rig} – tautwave`;
   el("rig").textContent = facts.rig;
   el("rig").title = facts.rig;
-  const certificate = facts.certificate;
-  if (certificate) {
-    const good = certificate.passed === true;
-    badge("certificate", good ? `${certificate.require.replaceAll("_", " ")}: ${certificate.state}` : "not certified", good ? "good" : "bad");
-    el("certificate").title = certificate.sentences.join("\n");
-  }
+  showCertificate(facts.certificate);
   el("pair").replaceChildren(...facts.pairs.map((pair, at) => new Option(pair.name, at)));
   el("pair").hidden = facts.pairs.length < 2;
   el("pair").onchange = () => {
@@ -63,7 +75,7 @@ function soFar(said) {
   const times = (count, noun) => (count ? [`${count} ${noun}${count === 1 ? "" : "s"}`] : []);
   const parts = [...times(said.faults, "fault"), ...times(said.stops, "stop")];
   if (said.cut_off) parts.push(`cut off ${times(said.cut_off, "time")}`);
-  badge("events", parts.join(", "), said.faults || said.cut_off ? "bad" : "");
+  badge("events", parts.join(", "), said.faulted ? "bad" : said.faults || said.cut_off ? "note" : "");
   el("events").title = said.cause ? said.cause.text : "";
 }
 
@@ -72,6 +84,7 @@ async function playable(said) {
   const bytes = Uint8Array.from(atob(said.wav), (letter) => letter.charCodeAt(0));
   app.audio ??= new AudioContext();
   app.heard = await app.audio.decodeAudioData(bytes.buffer);
+  tellEnd(said.directory);
   const button = el("listen");
   button.textContent = `play the sound (${app.heard.duration.toFixed(1)} s)`;
   button.hidden = false;
@@ -82,6 +95,14 @@ async function playable(said) {
     app.audio.resume();
     app.playing.start();
   };
+}
+
+function tellEnd(directory) {
+  const cause = app.soFar?.faulted ? app.soFar.cause.text : "";
+  const scene = app.facts?.pointer && !app.facts.pairs.length;
+  const sound = app.heard ? "Its sound can be played below the picture. " : "Its sound comes in some seconds. ";
+  const kept = `What is seen here can still be saved; tautwave report ${directory} has everything.`;
+  note(`The run has ended${cause ? `: ${cause}` : ""}. ${scene ? sound : ""}${kept}`, cause ? "refused" : "done");
 }
 
 function engagedTime(now) {
@@ -110,14 +131,29 @@ const hear = {
     app.ended = true;
     badge("state", "");
     badge("link", "the run has ended", "");
-    note(`The run has ended. ${app.facts?.pointer && !app.facts.pairs.length ? "Its sound comes in some seconds. " : ""}What is seen here can still be saved; tautwave report ${said.directory} has everything.`, "done");
+    tellEnd(said.directory);
+    reachable();
     app.scope?.pause();
   },
 };
 
+// Why nothing can be asked of the run now, "" where it can.
+function cut() {
+  if (app.ended) return "the run has ended";
+  return app.socket?.readyState === WebSocket.OPEN ? "" : "no connection to the run";
+}
+
 function send(fields) {
-  if (app.socket?.readyState === WebSocket.OPEN) app.socket.send(JSON.stringify(fields));
-  else note("not sent: no connection to the run", "refused");
+  const why = cut();
+  if (!why) app.socket.send(JSON.stringify(fields));
+  else if (fields.op !== "pointer") note(`not sent: ${why}`, "refused");
+}
+
+function reachable() {
+  const why = cut();
+  el("stop").disabled = Boolean(why);
+  el("stop").title = why || "Ramp down and end the run; anyone may";
+  app.controls?.reach(why);
 }
 
 function connect() {
@@ -126,6 +162,7 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
     badge("link", "connected", "good");
+    reachable();
     socket.send(JSON.stringify({ op: "hello", token }));
   };
   socket.onmessage = (event) => {
@@ -139,6 +176,7 @@ function connect() {
   socket.onclose = () => {
     if (app.ended) return;
     badge("link", "no connection", "bad");
+    reachable();
     setTimeout(connect, 1000);
   };
 }
@@ -154,8 +192,8 @@ function frame(now) {
   const { store, facts } = app;
   const code = store.newest("operation.state");
   const state = code === undefined ? "running" : facts.states[code];
-  if (!app.ended) badge("state", app.soFar?.faulted ? `${state} after a fault` : state, app.soFar?.faulted ? "bad" : state === "engaged" || state === "running" ? "good" : "");
-  app.controls.show(state, store.newest("operation.episode") ?? 0, store.newest("operation.scale"));
+  showState(state);
+  app.controls.show(state, store.newest("operation.episode") ?? 0, store.newest("operation.scale"), store.newest("operation.intervention"));
   app.controls.showTuning(store);
   app.schematic.draw();
   const episode = store.newest("operation.episode");

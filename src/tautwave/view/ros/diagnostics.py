@@ -9,6 +9,7 @@ from typing import Any
 
 from tautwave.runtime.operate.states import STATES
 from tautwave.runtime.tap import Live
+from tautwave.summary.model import certified_severity
 from tautwave.view.ros.messages import DiagnosticStatus, KeyValue
 
 OK, WARN, ERROR, STALE = range(4)
@@ -70,11 +71,12 @@ def _text(value: object) -> str:
 
 
 def _certificate(facts: Mapping[str, Any]) -> DiagnosticStatus:
-    passed = facts.get("passed")
-    level = OK if passed else WARN if passed is None else ERROR
-    sentences = [] if passed else facts.get("sentences", [])
+    state = str(facts.get("state", "not evaluated"))
+    severity = certified_severity(facts.get("passed"), state)
+    level = {"ok": OK, "bad": ERROR}.get(severity, WARN)
+    sentences = [] if severity == "ok" else facts.get("sentences", [])
     values = {"require": facts.get("require", "")} | {f"{k}": s for k, s in enumerate(sentences, 1)}
-    return _status(level, "certificate", str(facts.get("state", "not evaluated")), values)
+    return _status(level, "certificate", state, values)
 
 
 def _run(
