@@ -370,7 +370,7 @@ class CouplingPlugin(NamedTuple):
     says what is exchanged: `waves` or `states`. `divisors`: a side may be on a slower bus;
     `causalities`: of its axes; `observes`: it has no use for an axis' velocity filter. `over_link`
     is the `Law` over a network, or makes it of `law`; `at_sites` a `SiteLaw` for either of two
-    sites; `linked` makes their constants and table, as in `couplings.wave.link.constants`.
+    sites; `linked` makes their constants and table, as in `couplings.wave.link`.
     `claim(rig, axis_name, delays)`: what an end may deliver as it sees it [J]; `claim_terms`, of
     the same, the terms, a `tautwave.analysis.claim.Claim`, or the key without which it is
     unbounded. `resolve(rig)`: a `Choice` for each key left to the law, by path.

@@ -9,15 +9,20 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tautwave.couplings.mediated.contact import (
+from tautwave.couplings.mediated.estimate import (
     Contact,
     ContactParams,
+    Fit,
+    FitParams,
     begin_contact,
+    begin_fit,
+    half_width,
+    learn,
+    student,
     surface_variance,
     touch,
 )
-from tautwave.couplings.mediated.fit import Fit, FitParams, begin_fit, half_width, learn, student
-from tautwave.couplings.mediated.signals import (
+from tautwave.couplings.mediated.law import (
     Filter,
     SignalParams,
     Slope,

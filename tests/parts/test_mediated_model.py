@@ -10,11 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.contracts import CoupledAxis
-from tautwave.couplings.mediated.contact import Surface
-from tautwave.couplings.mediated.from_keys import end_constants
+from tautwave.couplings.mediated.estimate import Surface
 from tautwave.couplings.mediated.keys import MediatedPair
-from tautwave.couplings.mediated.model import ModelParams, adopt, damping_of, push_of, stored_in
-from tautwave.couplings.mediated.signals import SignalParams
+from tautwave.couplings.mediated.law import (
+    ModelParams,
+    SignalParams,
+    adopt,
+    damping_of,
+    end_constants,
+    push_of,
+    stored_in,
+)
 from tautwave.errors import ConfigError
 
 P = ModelParams(share=0.02, span=1e-3, most=0.1)

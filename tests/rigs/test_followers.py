@@ -12,7 +12,7 @@ from tautwave.certificate import Element
 from tautwave.config import Rig, bus_spec, load_rig
 from tautwave.config.keys.calibration import AxisCalibration, Calibration
 from tautwave.contracts import AxisSpec, BusSpec
-from tautwave.couplings.wave.servos import admittance_element
+from tautwave.couplings.wave.certificate import admittance_element
 from tautwave.laws.servo.follower import FollowerParams
 from tautwave.rig import command_delays
 from tautwave.rig.calibrated import CalibratedDriver, calibrated

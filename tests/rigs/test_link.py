@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tautwave.couplings.wave.link.law import LinkPair
+from tautwave.couplings.wave.link import LinkPair
 from tautwave.errors import SafetyStop
 from tautwave.laws.counters import ENERGY_QUANTUM
 from tautwave.laws.receiver import RESERVE

@@ -16,9 +16,7 @@ from tautwave.controller.steps import Law, NoParams, SiteLaw
 from tautwave.controller.wrapping import params_with
 from tautwave.couplings.account.law import GUARDS, law_with_account
 from tautwave.couplings.account.steps import account_params, model_reserve
-from tautwave.couplings.over_link import LINKED
-from tautwave.couplings.over_link.law import linked_law
-from tautwave.couplings.over_link.site import site_laws
+from tautwave.couplings.over_link import linked_law, site_laws
 from tautwave.registry import load_named
 from tautwave.types import CommandDelay
 from tautwave.wording import CouplingMessages, PlanLine
@@ -83,7 +81,7 @@ def with_account(plugin: CouplingPlugin, keys: Account) -> CouplingPlugin:
     return plugin._replace(
         law=whole,
         over_link=over_link,
-        linked=LINKED,
+        linked="tautwave.couplings.over_link:linked",
         at_sites=at_sites,
         end_constants=end_constants,
         causalities=("impedance",),

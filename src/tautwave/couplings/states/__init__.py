@@ -8,7 +8,6 @@ are not certified.
 from __future__ import annotations
 
 from tautwave.contracts import CouplingPlugin
-from tautwave.couplings.over_link import LINKED, LINKED_LAW
 
 _ROOM = "tautwave.couplings.states"
 
@@ -18,8 +17,8 @@ def _plugin(name: str, keys: str, summary: str) -> CouplingPlugin:
         summary=summary,
         keys=f"{_ROOM}.keys:{keys}",
         law=f"{_ROOM}.law:{name}",
-        over_link=LINKED_LAW,
-        linked=LINKED,
+        over_link="tautwave.couplings.over_link:linked_law",
+        linked="tautwave.couplings.over_link:linked",
         end_constants=f"{_ROOM}.law:end_constants",
         verdict=f"{_ROOM}.certificate:verdict",
         messages=f"{_ROOM}.certificate:{name}",

@@ -1,4 +1,8 @@
-"""Keys of a wave pair that the rig leaves to the law: `auto`."""
+"""Keys of a wave pair that the rig leaves to the law: `auto`; the door to `choice`.
+
+A module of its own between `keys`, which `choice` needs, and `choice`, which asks the certificate:
+a rig that gives its numbers does not load that.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,6 @@ def resolve(rig: Rig) -> dict[str, Choice]:
     choices: dict[str, Choice] = {}
     for name, pair in rig.coupling.pairs.items():
         if any(getattr(pair, key) == AUTO for key in KEYS):
-            # The certificate is asked: a rig that gives its numbers does not load it.
             from tautwave.couplings.wave.choice import choose_pair
 
             chosen = choose_pair(rig, name)

@@ -1,31 +1,59 @@
-"""The steps of a wave pair whose ends are joined by a network.
+"""Law wave over a network: the steps of a pair, its constants from keys, and one end at a site.
 
 In every slot each end takes what came, counts the wave that leaves, and plays out the wave that
 arrives; what leaves now arrives in the next slot at the earliest, as between two loops. With no
 packet for `silence` slots an end holds: no wave comes out, and its port is a damper of the line's
 impedance. Backlog waits, and is repaid later at a bounded speed.
+
+At one of two sites only its own end runs; packets come from and go to a real network.
 """
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
+import math
+from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from tautwave.config.keys.common import AUTO
+from tautwave.config.keys.link import Link
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
-from tautwave.controller.steps import OWN_GUARDS, Guard
+from tautwave.controller.steps import OWN_GUARDS, Guard, SiteLaw
+from tautwave.couplings.over_link import FEWEST_DAYS, reach, way_of
+from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.law import arrive_rated, fill_converter, fill_tank, leave_rated
 from tautwave.couplings.wave.law import element_names as line_names
 from tautwave.couplings.wave.law import fill_signals as fill_waves
 from tautwave.couplings.wave.law import law as line_law
 from tautwave.couplings.wave.law import start as line_start
-from tautwave.couplings.wave.port import WaveEnd, receive_wave, repeat_wave
-from tautwave.laws.counters import ENERGY_QUANTUM, added, apart
-from tautwave.laws.receiver import ReceiverParams
-from tautwave.link.network import Network, deliver, keep_sent, post, start_network
-from tautwave.link.receiver import PLACE, Receiver, Sender, send, start_receiver, start_sender, tick
+from tautwave.couplings.wave.port import (
+    LIMP,
+    PORT_OVERDRAWN,
+    POSITION_DEBT,
+    WaveEnd,
+    receive_wave,
+    repeat_wave,
+)
+from tautwave.laws.counters import ENERGY_QUANTUM, WAVE_QUANTUM, added, apart
+from tautwave.laws.receiver import ReceiverParams, receiver_params
+from tautwave.link.network import Network, deliver, keep_sent, network_places, post, start_network
+from tautwave.link.packet import Line
+from tautwave.link.post import last_line
+from tautwave.link.receiver import (
+    EMPTY,
+    PLACE,
+    Receiver,
+    Sender,
+    ring_size,
+    send,
+    start_receiver,
+    start_sender,
+    take_credit,
+    take_pair,
+    tick,
+)
 from tautwave.models.network import NetworkParams
 
 
@@ -357,3 +385,179 @@ law = line_law._replace(
     },
     rings=0,
 )
+
+
+CATCH_UP = 0.25
+"""Share of the lower velocity limit at which a backlog is repaid at most."""
+
+
+class Linked(NamedTuple):
+    """A pair's link as constants, and the part of the table that it begins with."""
+
+    params: LinkParams
+    table: list[float]
+
+
+def receiver_of(link: Link, pair: WavePair, period: float, velocity: float) -> ReceiverParams:
+    """Return the constants of both receivers; `velocity`: lower limit [rad/s or m/s, master]."""
+    depth = 0.0 if link.depth_s == AUTO else float(link.depth_s)
+    return receiver_params(
+        period,
+        sender_period=period,
+        depth=depth,
+        deepest=link.deepest_s if link.depth_s == AUTO else depth,
+        newest=link.play_out == "newest",
+        fastest=math.sqrt(2.0 * pair.impedance) * CATCH_UP * velocity,
+    )
+
+
+def linked(
+    link: Link,
+    pair: WavePair,
+    period: float,
+    velocity: float,
+    seed: int,
+    at: int,
+    trace: Sequence[float] = (),
+) -> Linked:
+    """Return a pair's link.
+
+    Parameters
+    ----------
+    link, pair : Link, WavePair
+        Their keys, with numbers for `auto`.
+    period : float
+        Of a slot [s].
+    velocity : float
+        The lower velocity limit of both devices [rad/s or m/s, master].
+    seed : int
+        Of the rig, unless the link has its own.
+    at : int
+        Where its part of the table begins.
+    trace : sequence of float
+        The recorded network (`link.trace`), if there is one.
+    """
+    receiver = receiver_of(link, pair, period, velocity)
+    places = max(ring_size(receiver), link.repeated + 2)
+    days = max(FEWEST_DAYS, math.ceil(reach(link, trace) / period) + 2 * link.repeated + 4)
+    table: list[float] = []
+    ends = []
+    for direction in (0, 1):
+        ring = at + len(table)
+        table += [EMPTY] * (PLACE * places)
+        post = at + len(table)
+        table += [EMPTY] * network_places(days)
+        last = at + len(table)
+        table += [EMPTY]
+        own = at + len(table)
+        table += [float(seed if link.seed is None else link.seed)]
+        ends.append(
+            LinkEndParams(
+                receiver=receiver,
+                network=way_of(link, 0, 0),
+                seed=own,
+                direction=direction,
+                ring=ring,
+                places=places,
+                post=post,
+                days=days,
+                last=last,
+                repeated=link.repeated,
+                silence=round(link.silence_s / period),
+                lost=round(link.lost_s / period),
+                position=WAVE_QUANTUM / math.sqrt(2.0 * pair.impedance),
+            )
+        )
+    if trace:
+        way = way_of(link, at + len(table), len(trace) // 2)
+        ends = [end._replace(network=way) for end in ends]
+        table += trace
+    params = LinkParams(round(period * 1e9), ends[0], ends[1])
+    return Linked(params, table)
+
+
+NEVER = 1 << 50
+
+
+def keep_last(e: LinkEnd, far: LinkEndParams, table: MutableSequence[float]) -> None:
+    """Keep this end's message to the `far` one where packets are made."""
+    keep_sent(table, far.post, far.days, e.sender, e.receiver.granted, e.receiver.asked)
+    table[far.last] = e.sender.slot
+
+
+def exchange_master(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
+    """Pass one slot at the master's end; the slave's is not looked at."""
+    c, q, one, p1, table = pair.c, pair.q, pair.one, pair.p1, pair.table
+    pass_end(c.link.master, q.link.master, one, p1, q, here, due_one, table)
+    keep_last(c.link.master, q.link.slave, table)
+
+
+def exchange_slave(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
+    """Pass one slot at the slave's end; the master's is not looked at."""
+    c, q, two, p2, table = pair.c, pair.q, pair.two, pair.p2, pair.table
+    pass_end(c.link.slave, q.link.slave, two, p2, q, here, due_two, table)
+    keep_last(c.link.slave, q.link.master, table)
+
+
+def patient(k: LinkParams) -> LinkParams:
+    """Return constants of a link that waits: whether the other site is lost is the session's."""
+    return k._replace(master=k.master._replace(lost=NEVER), slave=k.slave._replace(lost=NEVER))
+
+
+def ends(w: LinkPair) -> tuple[LinkEnd, LinkEnd]:
+    """Return the master's end and the slave's."""
+    return w.master, w.slave
+
+
+def begin(w: LinkPair) -> None:
+    """Let the next start be that of a new session."""
+    w.used = False
+
+
+def take(
+    e: LinkEnd, k: LinkEndParams, table: MutableSequence[float], slot: int, line: Line
+) -> None:
+    """Take a line of a packet that came."""
+    r = e.receiver
+    before = r.newest
+    for back, (integral, energy) in enumerate(line.pairs):
+        take_pair(r, k.receiver, table, k.ring, k.places, slot - back, integral, energy)
+    if slot > before:
+        take_credit(r, line.granted, line.asked)
+    take_note(e, k, before, table)
+
+
+def said(far: LinkEndParams, table: MutableSequence[float]) -> tuple[int, Line]:
+    """Return the last slot, and what its packet says to the `far` end."""
+    slot = int(table[far.last])
+    return slot, last_line(table, far.post, far.days, slot, far.repeated)
+
+
+def owed(
+    e: LinkEnd, k: LinkEndParams, table: MutableSequence[float], s: AxisState, p: AxisParams
+) -> float:
+    """Return the motion that is missing [rad or m, master]: not given out here, or not sent yet."""
+    r = e.receiver
+    unsent = math.fabs(s.end.gap / p.end.wave) * k.position / WAVE_QUANTUM
+    if r.newest < 0:
+        return unsent
+    newest = int(table[k.ring + PLACE * (r.newest % k.places) + 1])
+    return max(unsent, math.fabs(k.position * apart(newest, r.given)))
+
+
+DEBTS = frozenset((PORT_OVERDRAWN, LIMP, POSITION_DEBT))
+"""Guards of a port that cannot repay: what a silence of either site may leave."""
+
+site_laws = {
+    side: SiteLaw(
+        law._replace(steps=law.steps._replace(exchange=exchange)),
+        patient,
+        ends,
+        begin,
+        take,
+        said,
+        owed,
+        DEBTS,
+    )
+    for side, exchange in (("master", exchange_master), ("slave", exchange_slave))
+}

@@ -1,4 +1,4 @@
-"""A law of what each side sees of the other, over a network: constants, state, steps.
+"""A law of what each side sees of the other, over a network: state, steps, one site, constants.
 
 In every slot each end says where it stands, how fast it is, the effort that it shows, and of an
 account the credit ever sent and its level. The newest word supersedes all older ones, so loss,
@@ -6,21 +6,26 @@ order and repetition change nothing but the time. Without a word for `silence` s
 counts as standing where it was.
 
 `law_...` are functions of the law inside and of what surrounds it.
+
+At one of two sites packets come from a real network: what came last, and what of it was heard last,
+stand at the two first places of the slots that the other end would have sent.
 """
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
+import math
+from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from tautwave.config.keys.link import Link
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.seen import SeenEnd, book_spring, no_spring, where_it_is
-from tautwave.controller.steps import OWN_GUARDS, Guard, Law, fill_no_signals, no_start
+from tautwave.controller.steps import OWN_GUARDS, Guard, Law, SiteLaw, fill_no_signals, no_start
 from tautwave.controller.wrapping import bound, record_with
 from tautwave.laws.counters import ENERGY_QUANTUM, apart
-from tautwave.link.network import SENT, Network, forward, newest_of, start_network
+from tautwave.link.network import SENT, Network, forward, network_places, newest_of, start_network
 from tautwave.link.news import (
     credit_said,
     effort_heard,
@@ -29,6 +34,10 @@ from tautwave.link.news import (
     motion_heard,
     motion_said,
 )
+from tautwave.link.packet import Line
+from tautwave.link.post import last_line, put_line
+from tautwave.link.receiver import EMPTY
+from tautwave.models import network
 from tautwave.models.network import NetworkParams
 
 
@@ -292,3 +301,182 @@ def linked_law(law: Law) -> Law:
         },
         rings=0,
     )
+
+
+NEVER = 1 << 50
+CAME, HEARD = 0, 1
+
+
+def listen_at_site(e: NewsEnd, k: NewsEndParams, table: MutableSequence[float]) -> int:
+    """Return where the newest word stands, -1 if it was heard before."""
+    slot = e.network.heard
+    if slot <= e.heard:
+        return -1
+    e.heard = slot
+    e.silent = 0
+    came, heard = (k.post + SENT * place for place in (CAME, HEARD))
+    table[heard : heard + SENT] = table[came : came + SENT]
+    return heard
+
+
+def exchange_master(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
+    """Hear and say at the master's end; the slave's is not looked at."""
+    c, q, one, p1, table = pair.c, pair.q, pair.one, pair.p1, pair.table
+    w, k = c.link.news, q.link
+    w.cleared = False
+    at = listen_at_site(w.master, k.master, table)
+    if at >= 0:
+        see_slave(one.end, q, c.offset, table, at)
+        level = level_heard(int(table[at + 3]))
+        law_hear(one, p1, credit_heard(w.master, int(table[at + 2])), level)
+    slot = w.master.slot
+    pass_time(w.master, k.master, one, q.period)
+    x, v = law_shown(one)
+    credit, level = law_credit(one, p1), law_level(one, p1)
+    say(w.slave, k.slave, slot, k.period_ns, (x, v, one.end.effort, credit, level), table, False)
+
+
+def exchange_slave(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
+    """Hear and say at the slave's end; the master's is not looked at."""
+    c, q, two, p2, table = pair.c, pair.q, pair.two, pair.p2, pair.table
+    w, k = c.link.news, q.link
+    w.cleared = False
+    at = listen_at_site(w.slave, k.slave, table)
+    if at >= 0:
+        see_master(two.end, q, c.offset, table, at)
+        level = level_heard(int(table[at + 3]))
+        law_hear(two, p2, credit_heard(w.slave, int(table[at + 2])), level)
+    slot = w.slave.slot
+    pass_time(w.slave, k.slave, two, q.period)
+    x, v = law_shown(two)
+    credit, level = law_credit(two, p2), law_level(two, p2)
+    say(w.master, k.master, slot, k.period_ns, (x, v, two.end.effort, credit, level), table, False)
+
+
+def patient(k: NewsParams) -> NewsParams:
+    """Return constants of a link that waits: whether the other site is lost is the session's."""
+    return k._replace(master=k.master._replace(lost=NEVER), slave=k.slave._replace(lost=NEVER))
+
+
+def ends(w: Any) -> tuple[NewsEnd, NewsEnd]:
+    """Return the master's end and the slave's."""
+    return w.news.master, w.news.slave
+
+
+def begin(w: Any) -> None:
+    """Let the next start be that of a new session."""
+    w.news.cleared = False
+
+
+def take(
+    e: NewsEnd, k: NewsEndParams, table: MutableSequence[float], slot: int, line: Line
+) -> None:
+    """Take a line of a packet that came: an older one than the newest says nothing."""
+    if slot > e.network.heard:
+        e.network.heard = slot
+        put_line(table, k.post, 1, CAME, line._replace(pairs=line.pairs[:1]))
+    e.network.arrived += 1
+
+
+def said(far: NewsEndParams, table: MutableSequence[float]) -> tuple[int, Line]:
+    """Return the last slot, and what its packet says to the `far` end."""
+    slot = int(table[far.last])
+    return slot, last_line(table, far.post, far.days, slot, far.repeated)
+
+
+def owed(
+    e: NewsEnd, k: NewsEndParams, table: MutableSequence[float], s: AxisState, p: AxisParams
+) -> float:
+    """Return by how much the far side moved between the words [rad or m, master]."""
+    if e.heard < 0 or e.network.heard <= e.heard:
+        return 0.0
+    came, heard = (motion_heard(int(table[k.post + SENT * place])) for place in (CAME, HEARD))
+    return k.position * math.fabs(came - heard)
+
+
+def site_laws(law: Law) -> dict[str, SiteLaw]:
+    """Return a law made by `controller.seen` as it is at either of two sites."""
+    linked = linked_law(law)
+    shown = {"law_shown": law.shown}
+    return {
+        side: SiteLaw(
+            linked._replace(steps=linked.steps._replace(exchange=bound(exchange, shown))),
+            patient, ends, begin, take, said, owed, frozenset(),
+        )
+        for side, exchange in (("master", exchange_master), ("slave", exchange_slave))
+    }  # fmt: skip
+
+
+KINDS = {
+    "uniform": network.UNIFORM,
+    "exponential": network.EXPONENTIAL,
+    "spikes": network.SPIKES,
+}
+LONGEST_JITTER = 20.0
+"""Of an exponential jitter, in its means: later packets are lost, two in a billion."""
+FEWEST_DAYS = 64
+
+
+def way_of(link: Link, trace: int, traced: int) -> network.NetworkParams:
+    """Return what either direction does; `traced` pairs lie in the table from `trace` on."""
+    return network.network_params(
+        link.delay_s,
+        jitter=link.jitter_s,
+        kind=KINDS[link.jitter],
+        loss=link.loss,
+        burst=link.burst,
+        duplicates=link.duplicate,
+        reorders=link.reorder,
+        outage_at=link.outage_at_s,
+        outage=link.outage_s,
+        outage_every=link.outage_every_s,
+    )._replace(trace=trace, traced=traced)
+
+
+def reach(link: Link, trace: Sequence[float]) -> float:
+    """Return after how long a packet counts as lost [s]."""
+    if trace:
+        return 1e-9 * max(trace[1::2])
+    longest = LONGEST_JITTER if link.jitter == "exponential" else 1.0
+    return link.delay_s + longest * link.jitter_s
+
+
+def linked(
+    link: Link,
+    pair: Any,
+    period: float,
+    velocity: float,
+    seed: int,
+    at: int,
+    trace: Sequence[float] = (),
+) -> tuple[NewsParams, list[float]]:
+    """Return a pair's link: as `couplings.wave.link.linked`, without a receiver."""
+    days = max(FEWEST_DAYS, math.ceil(reach(link, trace) / period) + 4)
+    table: list[float] = []
+    ends = []
+    for direction in (0, 1):
+        post = at + len(table)
+        table += [EMPTY] * network_places(days)
+        last = at + len(table)
+        table += [EMPTY]
+        own = at + len(table)
+        table += [float(seed if link.seed is None else link.seed)]
+        ends.append(
+            NewsEndParams(
+                network=way_of(link, 0, 0),
+                seed=own,
+                direction=direction,
+                post=post,
+                days=days,
+                last=last,
+                repeated=0,
+                silence=round(link.silence_s / period),
+                lost=round(link.lost_s / period),
+                position=1.0 if direction else 1.0 / pair.position_scale,
+            )
+        )
+    if trace:
+        way = way_of(link, at + len(table), len(trace) // 2)
+        ends = [end._replace(network=way) for end in ends]
+        table += trace
+    return NewsParams(round(period * 1e9), ends[0], ends[1]), table

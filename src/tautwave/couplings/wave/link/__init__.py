@@ -1,1 +1,0 @@
-"""Law wave over a network: counters, packets and receivers in place of the line."""
