@@ -12,8 +12,8 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted(
     page for part in ("start", "tutorials", "howto") for page in (ROOT / "docs" / part).glob("*.md")
 )
-MAX_SENTENCE, MAX_PAGE = 30, 900
-"""Words."""
+MAX_SENTENCE, MAX_PAGE, MAX_EXPLANATION = 30, 900, 11_000
+"""Words; of the pages that explain, together."""
 
 
 def prose(text: str) -> str:
@@ -45,6 +45,11 @@ def test_sentences_are_short(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_pages_are_short(page: Path) -> None:
     assert len(prose(page.read_text(encoding="utf-8")).split()) <= MAX_PAGE
+
+
+def test_explanations_are_short_together() -> None:
+    pages = (ROOT / "docs/explanation").glob("*.md")
+    assert sum(len(page.read_text(encoding="utf-8").split()) for page in pages) <= MAX_EXPLANATION
 
 
 def test_a_long_sentence_is_found() -> None:

@@ -65,8 +65,8 @@ def choose_law(document: Document) -> ChosenLaw | None:
         coupling["account"] = {}
     why = (
         f"{LATE_LAW}, in an account: over {1e3 * delay:g} ms it follows and renders contacts as "
-        "without a delay. A first contact is felt two delays late, and a hold is as long as "
-        f"`held force` says; law {STANDARD_LAW} holds forces exactly, F tau / b apart"
+        "without a delay. A first contact is felt two delays late, and how long a press is held "
+        f"is not promised; law {STANDARD_LAW} holds forces exactly, F tau / b apart"
     )
     return ChosenLaw(Choice(LATE_LAW, why), _costly(delay, UNCERTIFIED))
 
