@@ -61,7 +61,7 @@ def test_the_terminal_says_what_people_did(operated: tuple[str, Path]) -> None:
     said = " ".join(operated[0].split())
     assert "engaged 0.798 s of 1.8 s" in said.partition("completed")[0]
     assert "episode 1 <b>pick</b>, red block?[31m: success, 700 ms to 1.3 s" in said
-    assert "episode 2 next: not said, 1.35 s to 1.8 s" in said
+    assert "episode 2 next: no verdict, 1.35 s to 1.8 s" in said
     assert "refused 1; the last after 1 s: engage: not possible while engaged" in said
 
 

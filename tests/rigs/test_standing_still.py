@@ -111,11 +111,11 @@ def test_check_says_what_the_standing_offset_is_made_of() -> None:
         "coupling.delay_s=0.02", f"{PAIR}.wave_impedance=0.02", f"{PAIR}.wave_filter_hz=200"
     )
     text = dict(check(made).facts)["offset of lever"]
-    words = re.findall(r"[0-9.]+(?= rad per| of sampling| of the wave)", text)
+    words = re.findall(r"[0-9.]+(?= rad per| from sampling| from the wave)", text)
     parts = [float(word) for word in words]
     assert parts[0] == pytest.approx(0.02 / 0.02)
     assert parts[1] == pytest.approx(0.0005 / 0.02)
     delays = command_delays(made)
     assert sum(parts) == pytest.approx(standing_offset(made, "lever", delays), rel=1e-2)
     weight = 0.02 * 0.02 * standing_offset(made, "lever", delays)
-    assert f"b tau = {weight:.2g} kg m^2 beside the devices' 0.0032" in text
+    assert f"b tau = {weight:.2g} kg m^2, beside 0.0032 of the devices" in text

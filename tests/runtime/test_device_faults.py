@@ -107,6 +107,6 @@ def test_what_is_not_there_stays_held_and_says_why() -> None:
     said = [entry.text for entry in done.control.journal.entries]
     assert sum("the devices have not recovered: " in text for text in said) == 2
     assert "servo 2" in "".join(said)
-    assert said[-1] == "engage: not possible after a fault; check it, then rest"
+    assert said[-1] == "engage: not possible after a fault; see what failed, then give rest"
     master = done.columns["master.a.commanded"]
     assert not master[done.columns["time_s"] > 0.8].any()

@@ -246,7 +246,7 @@ def test_a_fault_is_held_acknowledged_and_engaged_again_in_one_session() -> None
     ]  # fmt: skip
     said = {entry.word: entry.text for entry in done.control.journal.entries[2:4]}
     assert "master.lever left its position range" in said["fault"]
-    assert said["engage"] == "engage: not possible after a fault; check it, then rest"
+    assert said["engage"] == "engage: not possible after a fault; see what failed, then give rest"
     assert np.abs(done.residual()).max() <= 1e-12
 
 

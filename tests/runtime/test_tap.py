@@ -183,7 +183,7 @@ def test_what_was_said_last_is_shown_in_two_lines_without_controls() -> None:
 
     assert news_lines("") == news_lines("[]") == news_lines('[[1, {"at_s": 1}]]') == []
     assert news_lines(said("engage", "")) == ["last  3.2 s, engage by key"]
-    refusal = "engage: not possible after a fault; check it, then rest"
+    refusal = "engage: not possible after a fault; see what failed, then give rest"
     assert news_lines(said("engage", refusal)) == [f"last  3.2 s, {refusal}"]
     assert news_lines(said("fault", "it \x1b[2Jis hot")) == ["last  3.2 s, fault: it ?[2Jis hot"]
     long = news_lines(said("fault", 40 * "over-temperature "), 40)

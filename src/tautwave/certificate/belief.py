@@ -76,15 +76,15 @@ def assumed(
     conditions = []
     if inertia and axis.inertia is not None and _is_assumed(axis.inertia.source):
         conditions.append(
-            f"the inertia of {name}, at least {axis.inertia.lower:g}, is {axis.inertia.source}"
+            f"the inertia of {name} is at least {axis.inertia.lower:g}, {axis.inertia.source}"
         )
     if damping and axis.damping.lower > 0.0 and _is_assumed(axis.damping.source):
         conditions.append(
-            f"the damping of {name}, at least {axis.damping.lower:g}, is {axis.damping.source}"
+            f"the damping of {name} is at least {axis.damping.lower:g}, {axis.damping.source}"
         )
     if coulomb and axis.coulomb.lower > 0.0 and _is_assumed(axis.coulomb.source):
         conditions.append(
-            f"the Coulomb friction of {name}, at least {axis.coulomb.lower:g}, is "
+            f"the Coulomb friction of {name} is at least {axis.coulomb.lower:g}, "
             f"{axis.coulomb.source}"
         )
     return conditions

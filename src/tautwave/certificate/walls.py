@@ -137,8 +137,8 @@ def wall_element(
     if math.isfinite(claim) and not coupling_part(rig).claim_terms:  # else the axis says it
         sentences.append(
             f"{name}: gives at most {joules(claim)} more than it took, in a host's stalls of up to "
-            f"{rig.overrun_limit} slots; it repays that before it supplies energy "
-            "again, and is softened in proportion."
+            f"{rig.overrun_limit} slots. The next contacts pay that back; until then the wall is "
+            "softer, the more it owes."
         )
     return Element(
         name,

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from tautwave.cli.options import (
+    CLOCK,
     PATH,
     Number,
     clock_option,
@@ -18,6 +19,7 @@ from tautwave.cli.options import (
     of_kind,
     out_option,
     positive,
+    run_flags,
     set_option,
     simulate_option,
     stated_of,
@@ -112,7 +114,7 @@ _NOT_NOISE = (
     metavar="S",
     help="RIG: excitation time [s]; default 12.",
 )
-@clock_option("RIG: as for run.")
+@clock_option(f"RIG; {CLOCK}")
 @click.option(
     "--share",
     type=Number(0.0, 1.0, min_open=True),
@@ -130,7 +132,7 @@ _NOT_NOISE = (
 )
 @set_option
 @simulate_option
-@click.option("--attach", is_flag=True, help="RIG: as for run.")
+@run_flags("--attach", of="RIG: ")
 @click.option(
     "--allow-uncertified", is_flag=True, help="RIG: allow motion of a rig that is not certified."
 )

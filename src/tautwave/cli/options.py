@@ -162,8 +162,16 @@ def stated_of(options: Mapping[str, Any]) -> Any:
     return Stated(options["time_unit"], options["rate"], columns, options["episode"])
 
 
-def clock_option(text: str = "As for run.") -> Callable[[Any], Any]:
-    """`--clock` with its own help text."""
+CLOCK = "real: real time; fake: as fast as possible, reproducible, no devices."
+RUN_FLAGS = {
+    "--allow-unwatched": "Run devices without a watchdog.",
+    "--configure": "Write lasting settings that differ into devices.",
+    "--attach": "Use simulated devices that `tautwave sim RIG` already serves in another terminal.",
+}
+
+
+def clock_option(text: str = CLOCK) -> Callable[[Any], Any]:
+    """`--clock`, with its own help text where it is for some inputs only."""
     return click.option(
         "--clock",
         type=click.Choice(["real", "fake"]),
@@ -173,12 +181,14 @@ def clock_option(text: str = "As for run.") -> Callable[[Any], Any]:
     )
 
 
-def as_for_run(*names: str) -> Callable[[Any], Any]:
-    """Flags that mean what they mean for run."""
+def run_flags(*names: str, of: str = "") -> Callable[[Any], Any]:
+    """Flags of run that other commands have, too; `of`: the input that they are for."""
 
     def add(command: Any) -> Any:
         for name in reversed(names):
-            command = click.option(name, is_flag=True, help="As for run.")(command)
+            text = RUN_FLAGS[name]
+            text = f"{of}{text[0].lower()}{text[1:]}" if of else text
+            command = click.option(name, is_flag=True, help=text)(command)
         return command
 
     return add

@@ -20,6 +20,7 @@ from tautwave.cli.options import (
     out_option,
     positive,
     rig_argument,
+    run_flags,
     set_option,
     simulate_option,
     site_option,
@@ -42,18 +43,13 @@ POINTER_S = 60.0
     help="Duration of the run [s]; default: from the rig.",
 )
 @out_option("Output directory, new or empty; default: runs/NAME-DATE-TIME (UTC).")
-@clock_option("real: real time; fake: as fast as possible, reproducible, no devices.")
+@clock_option()
 @set_option
 @site_option
 @click.option("--allow-uncertified", is_flag=True, help="Run a rig that is not certified.")
-@click.option("--allow-unwatched", is_flag=True, help="Run devices without a watchdog.")
-@click.option("--configure", is_flag=True, help="Write lasting settings that differ into devices.")
+@run_flags("--allow-unwatched", "--configure")
 @simulate_option
-@click.option(
-    "--attach",
-    is_flag=True,
-    help="Use simulated devices that `tautwave sim RIG` already serves in another terminal.",
-)
+@run_flags("--attach")
 @click.option(
     "--commands",
     metavar="FILE",

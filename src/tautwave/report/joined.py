@@ -323,7 +323,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
                 "claimed",
                 "residual",
                 "of gross flow",
-                "least in transit",
+                "in transit, least",
                 "at the end",
             ),
             tuple(rows),
@@ -374,7 +374,7 @@ def session_table(run: Run) -> Table:
     if link is not None and link.clocks is not None:
         notes.append(
             f"clock of the other site: {1e6 * (link.clocks.rate or 0.0):+.1f} ppm, delays of one "
-            f"way known to +-{quantity(link.clocks.unknown_s, 's')} (half the round trips)"
+            f"way are uncertain by +-{quantity(link.clocks.unknown_s, 's')} (half the round trips)"
         )
     refused = {} if link is None else {why: n for why, n in link.refused.items() if n}
     if refused:

@@ -10,7 +10,7 @@ import click
 
 from tautwave.cli.options import (
     PATH,
-    as_for_run,
+    run_flags,
     clock_option,
     out_option,
     positive,
@@ -74,7 +74,7 @@ STAGES = (
 @out_option("Directory, new or empty; default: runs/accept-NAME-DATE-TIME.")
 @clock_option()
 @simulate_option
-@as_for_run("--attach", "--allow-unwatched", "--configure")
+@run_flags("--attach", "--allow-unwatched", "--configure")
 @click.pass_context
 def accept(
     ctx: click.Context,

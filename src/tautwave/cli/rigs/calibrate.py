@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from tautwave.cli.options import (
-    as_for_run,
+    run_flags,
     clock_option,
     out_option,
     positive,
@@ -60,7 +60,7 @@ STEPS = ("zero", "direction", "range", "identify")
 @out_option("Directory of the recordings; default: runs/calibrate-NAME-DATE-TIME.")
 @clock_option()
 @simulate_option
-@as_for_run("--attach", "--allow-unwatched", "--configure")
+@run_flags("--attach", "--allow-unwatched", "--configure")
 def calibrate(
     rig: Path,
     axes: Sequence[str],

@@ -48,7 +48,7 @@ from tautwave.kinds import RECORDING, RUN
     "--only",
     type=click.Choice(["success"]),
     help="LeRobot: only episodes of which success was said; default: all, with what was said of "
-    "them in the column success (1, 0 failed, -1 not said).",
+    "them in the column success (1, 0 failed, -1 no verdict).",
 )
 @click.option(
     "--max-gap",

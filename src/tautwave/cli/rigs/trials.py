@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tautwave.cli.options import PATH, as_for_run, clock_option, out_option, simulate_option
+from tautwave.cli.options import PATH, run_flags, clock_option, out_option, simulate_option
 from tautwave.cli.terminal.streams import warn
 from tautwave.errors import ConfigError
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option("--yes", is_flag=True, help="Begin each trial immediately, without asking.")
 @clock_option()
 @simulate_option
-@as_for_run("--attach", "--allow-unwatched")
+@run_flags("--attach", "--allow-unwatched")
 def trials(
     protocol: Path,
     participant: str,

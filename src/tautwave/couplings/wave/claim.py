@@ -98,10 +98,10 @@ def _cost(rig: Rig, name: str, pair: WavePair, tau: float, time: float) -> str:
     b, line = pair.impedance, line_delay(rig).samples * rig.period_s
     inertia = moved_inertia(rig, name, pair)
     return (
-        f"F tau / b: {line / b:.3g} {unit} of the line's delay, {(tau - line) / b:.3g} of sampling "
-        f"and commands, {(time - tau) / b:.3g} of the wave filters. Twice wave_impedance halves "
-        f"it, and doubles chatter, reserve and leak, and the weight of the line in free motion, "
-        f"b tau = {b * time:.2g} {mass} beside the devices' {inertia:.2g}"
+        f"F tau / b: {line / b:.3g} {unit} from the line's delay, {(tau - line) / b:.3g} from "
+        f"sampling and commands, {(time - tau) / b:.3g} from the wave filters. Doubling "
+        "wave_impedance halves the offset. It doubles chatter, reserve, leak, and what the line "
+        f"weighs in free motion: b tau = {b * time:.2g} {mass}, beside {inertia:.2g} of the devices"
     )
 
 

@@ -300,7 +300,7 @@ def longest_gap(kept: npt.NDArray[np.bool_]) -> int:
 
 
 def said_in_frames(success: bool | None) -> int:
-    """Return what was said of an episode as a number: 1 success, 0 failed, -1 not said."""
+    """Return the verdict on an episode as a number: 1 success, 0 failed, -1 none."""
     return -1 if success is None else int(success)
 
 
@@ -366,7 +366,7 @@ position_scale x sign, with the offset of that engagement and the live scale; a 
 Observation: position, velocity and effort of the slave's axes. `{LEADER}`: the master's axes, in
 its own coordinates. All are of one control cycle: the newest one not after k / {fps} s.{note}
 The force between hand and task is not part of an action; it is in the recordings.
-`success` is what was said of the episode: 1 success, 0 failed, -1 not said.
+`success` is the verdict on the episode: 1 success, 0 failed, -1 none.
 `intervention`, where a policy led: a person leads this frame, as everywhere in a demonstration.
 
 | feature | name | of the recording's columns | unit |

@@ -285,7 +285,7 @@ def _lines(verdicts: Mapping[str, Certified]) -> list[str]:
         return ["; ".join([_say(name, one), *_ifs(one)]) for name, one in verdicts.items()]
     # Conditions that several verdicts share are stated once.
     lines = [_say(name, one) for name, one in verdicts.items()]
-    return [*lines, f"Conditional verdicts hold {'; '.join(conditions[0])}."]
+    return [*lines, f"They hold only {'; '.join(conditions[0])}."]
 
 
 def _say(name: str, verdict: Certified) -> str:

@@ -33,7 +33,7 @@ class Entry(NamedTuple):
 
 
 class Episode(NamedTuple):
-    """One episode: number from 1, name, task, times [s]; `success` None: not said.
+    """One episode: number from 1, name, task, times [s]; `success` None: no verdict.
 
     `discarded`: it was to be recorded again.
     """
@@ -56,7 +56,7 @@ def said_of(success: bool | None, discarded: bool = False) -> str:
     """Return what was said of an episode."""
     if discarded:
         return "to be recorded again"
-    return "not said" if success is None else "success" if success else "failed"
+    return "no verdict" if success is None else "success" if success else "failed"
 
 
 class Journal:

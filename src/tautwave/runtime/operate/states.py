@@ -63,7 +63,7 @@ TRANSITIONS: dict[tuple[str, str], str] = {
 """State and command or event, and the state that follows; what is not here is refused."""
 
 
-AFTER_FAULT = "engage: not possible after a fault; check it, then rest"
+AFTER_FAULT = "engage: not possible after a fault; see what failed, then give rest"
 """Why a rig does not engage in any state."""
 
 
