@@ -196,7 +196,7 @@ def test_the_hand_is_the_simulations_else_the_seeds() -> None:
     heavy = certified("simulation.hand.lever.mass=0.5").loops[0]
     assert heavy.hand.startswith("the simulation's hand: 0.5 kg")
     nobody = certified("simulation={}").loops[0]
-    assert nobody.hand == ("the seed's hand: 0.143 kg, 5 N s/m, 538 N/m at a lever arm of 0.075 m")
+    assert nobody.hand == ("a typical hand: 0.143 kg, 5 N s/m, 538 N/m at a lever arm of 0.075 m")
 
 
 def test_a_long_line_is_stable_by_the_small_gain_of_its_ends() -> None:

@@ -8,7 +8,7 @@ from tautwave.config import Rig
 from tautwave.models.hand import PAPER_HAND, Hand, rotary_hand
 
 LEVER_ARM = 0.075
-"""[m] Lever arm of the seed's linear hand on a rotary axis without a stated hand."""
+"""[m] Lever arm of the typical linear hand on a rotary axis without a stated hand."""
 
 
 class StatedHand(NamedTuple):
@@ -19,11 +19,11 @@ class StatedHand(NamedTuple):
 
 
 def stated_hand(rig: Rig, pair: str) -> StatedHand:
-    """Return the hand on a pair's master: the simulation's, else the seed's."""
+    """Return the hand on a pair's master: the simulation's, else a typical one."""
     rotary = rig.master.axes[pair].kind == "rotary"
     given = None if rig.simulation is None else rig.simulation.hand.get(pair)
     mass, damping, stiffness = PAPER_HAND
-    lever, whose = LEVER_ARM, "the seed's hand"
+    lever, whose = LEVER_ARM, "a typical hand"
     if given is not None:
         mass, damping, stiffness = given.mass, given.damping, given.stiffness
         lever, whose = given.lever_arm or 1.0, "the simulation's hand"
