@@ -10,10 +10,10 @@ import click
 
 from tautwave.cli.options import (
     PATH,
-    run_flags,
     clock_option,
     out_option,
     positive,
+    run_flags,
     simulate_option,
 )
 from tautwave.errors import ConfigError

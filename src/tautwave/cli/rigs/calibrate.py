@@ -9,11 +9,11 @@ from pathlib import Path
 import click
 
 from tautwave.cli.options import (
-    run_flags,
     clock_option,
     out_option,
     positive,
     rig_argument,
+    run_flags,
     simulate_option,
 )
 from tautwave.errors import ConfigError

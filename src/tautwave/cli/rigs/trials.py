@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tautwave.cli.options import PATH, run_flags, clock_option, out_option, simulate_option
+from tautwave.cli.options import PATH, clock_option, out_option, run_flags, simulate_option
 from tautwave.cli.terminal.streams import warn
 from tautwave.errors import ConfigError
 

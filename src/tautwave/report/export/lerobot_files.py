@@ -38,7 +38,7 @@ Floats = npt.NDArray[np.float32]
 class Frames(NamedTuple):
     """An episode: values of each feature, shape (frames, signals), and what was done.
 
-    `pictures` are a JPEG for each frame, by camera; `success` is 1, 0 for failed, -1 without a verdict.
+    `pictures` are a JPEG for each frame, by camera; `success` is 1, 0 for failed, -1 for none.
     `person`, shape (frames,), says where a person led and no policy; None: everywhere.
     """
 
