@@ -153,13 +153,13 @@ def bend(limit: Callable[[float], float], low: float, high: float) -> tuple[Floa
     return x, np.array([known[one] for one in x.tolist()])
 
 
-def _needed(panel: Axes, found: WallVerdict, unit: str) -> None:
-    wall = found.wall
+def _needed(panel: Axes, judged: WallVerdict, unit: str) -> None:
+    wall = judged.wall
     theta = np.concatenate([np.geomspace(1e-4, 0.1, 200), np.linspace(0.1, math.pi, 400)])
     top, bottom = reduce_fraction(*wall_transfer(wall))
     needed = 0.5 * wall.period * leak_form(top, bottom, wall.delay).values(theta)
     hertz = theta / (2.0 * math.pi * wall.period)
-    present = found.device.damping
+    present = judged.device.damping
     greatest = max(float(needed.max()), present, 1e-12)
     low, high = min(0.0, float(needed.min())), 1.2 * greatest
     if low < -2.0 * high:  # a wall's surplus of damping is not of interest
@@ -167,12 +167,12 @@ def _needed(panel: Axes, found: WallVerdict, unit: str) -> None:
     factor, shown = _scaled(greatest, unit)
     panel.axhspan(factor * low, factor * present, color=WALL_SHADE, alpha=0.45, label="passive")
     panel.axhline(factor * present, color=WALL, linewidth=1.4, label="guaranteed device damping")
-    colour = MASTER if found.passive else SLAVE
+    colour = MASTER if judged.passive else SLAVE
     label = "the wall needs"
     panel.semilogx(hertz, factor * needed, color=colour, label=label)
-    if math.isfinite(found.leak.damping):
-        at = max(found.leak.frequency, hertz[0])
-        panel.plot(at, factor * found.leak.supremum, "o", color=INK, ms=4, label="greatest need")
+    if math.isfinite(judged.leak.damping):
+        at = max(judged.leak.frequency, hertz[0])
+        panel.plot(at, factor * judged.leak.supremum, "o", color=INK, ms=4, label="greatest need")
     panel.set(xlabel="frequency [Hz]", ylabel=f"damping [{shown}]")
     panel.set_ylim(factor * low, factor * high)
     decades(panel)
@@ -190,9 +190,9 @@ def _scaled(greatest: float, unit: str) -> tuple[float, str]:
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def _plane(panel: Axes, found: WallVerdict, units: tuple[str, str], asked: float) -> None:
-    wall, device = found.wall, found.device
-    held = held_device(device.mass, device.damping, found.hand)
+def _plane(panel: Axes, judged: WallVerdict, units: tuple[str, str], asked: float) -> None:
+    wall, device = judged.wall, judged.device
+    held = held_device(device.mass, device.damping, judged.hand)
     widest = 1.3 * max(wall.damping, device.damping, 1e-9)
 
     def passive(damping: float) -> float:
@@ -210,7 +210,7 @@ def _plane(panel: Axes, found: WallVerdict, units: tuple[str, str], asked: float
         across * dampings, 0.0, limits, color=WALL_SHADE, alpha=0.45, linewidth=0, label="passive"
     )  # fmt: skip
     panel.plot(across * dampings, limits, color=WALL, label="largest K for any hand")
-    who = "with the stated hand" if found.hand is not None else "without a hand"
+    who = "with the stated hand" if judged.hand is not None else "without a hand"
     here = stable(wall.damping)
     if min(stable(0.0), here, stable(widest)) > high:
         # Far above the frame: print the number of `check` instead of drawing a line.
@@ -219,7 +219,7 @@ def _plane(panel: Axes, found: WallVerdict, units: tuple[str, str], asked: float
     else:
         x, y = bend(stable, 0.0, widest)
         panel.plot(across * x, y, color=MASTER, linestyle="--", label=f"stable {who}")
-    colour = MASTER if found.passive else SLAVE
+    colour = MASTER if judged.passive else SLAVE
     style: Any = {"markersize": 8, "markeredgecolor": PAPER, "zorder": 4, "clip_on": False}
     panel.plot(
         across * wall.damping, wall.stiffness, "o", color=colour, label="this wall", **style

@@ -215,17 +215,17 @@ def _push(rig: Rig, axis_name: str, wall: Wall, has: AxisAllowance) -> float:
     return min(wall_push(rig.axes[axis_name], wall), has.shared_effort)
 
 
-def noise_power(rig: Rig, axis_name: str, found: WallVerdict) -> float:
+def noise_power(rig: Rig, axis_name: str, judged: WallVerdict) -> float:
     """Return what declared noise has a passive wall give on average [W].
 
     0 under passivity control: its observer counts the noise as given, and softens the wall for it.
     """
     axis = rig.axes[axis_name]
-    if not found.passive or axis.position_noise == 0.0:
+    if not judged.passive or axis.position_noise == 0.0:
         return 0.0
     colour = axis.position_noise_autocorrelation
     return wall_noise_power(
-        found.wall, found.device.mass, found.margin, axis.position_noise, colour
+        judged.wall, judged.device.mass, judged.margin, axis.position_noise, colour
     )
 
 
@@ -240,19 +240,19 @@ def _noise_sentence(axis: Axis, name: str, noise: float) -> str:
 
 
 def _quantised(
-    rig: Rig, axis_name: str, passive: Verdict, found: WallVerdict, sentence: str
+    rig: Rig, axis_name: str, passive: Verdict, judged: WallVerdict, sentence: str
 ) -> Verdict:
     if not passive.passed:
         return passive
-    noise = noise_power(rig, axis_name, found)
+    noise = noise_power(rig, axis_name, judged)
     if noise > 0.0:
         return Verdict(
             False, _noise_sentence(rig.axes[axis_name], wall_name(rig, axis_name), noise)
         )
-    if found.device.quantum == 0.0:
+    if judged.device.quantum == 0.0:
         return passive
-    margin = found.quantised_stiffness - found.wall.stiffness
-    if not found.passive_quantised:
+    margin = judged.quantised_stiffness - judged.wall.stiffness
+    if not judged.passive_quantised:
         return Verdict(False, sentence, margin=margin)
     broken = broken_coulomb(rig, axis_name)
     if broken is not None:
@@ -265,34 +265,34 @@ def _passive(
     rig: Rig,
     axis_name: str,
     wall: Wall,
-    found: WallVerdict,
+    judged: WallVerdict,
     has: AxisAllowance,
     name: str,
     rotary: bool,
 ) -> Verdict:
     axis = rig.axes[axis_name]
-    sentence = passivity_sentence(found, name, rotary=rotary)
+    sentence = passivity_sentence(judged, name, rotary=rotary)
     broken = broken_damping(rig, axis_name)
-    if found.passive and broken is None:
+    if judged.passive and broken is None:
         conditions = (
             *assumed(axis, axis_name, damping=True),
             *_rate_limit(rig, axis_name, wall, has),
         )
-        return Verdict(True, sentence, conditions, found.margin)
-    if broken is not None and found.passive:
-        return Verdict(False, f"{name}: {broken}", margin=found.margin)
+        return Verdict(True, sentence, conditions, judged.margin)
+    if broken is not None and judged.passive:
+        return Verdict(False, f"{name}: {broken}", margin=judged.margin)
     if not wall.passivity_control:
-        return Verdict(False, sentence, margin=found.margin)
-    if found.wall.delay > 0.0:
+        return Verdict(False, sentence, margin=judged.margin)
+    if judged.wall.delay > 0.0:
         return Verdict(
             False,
             f"{sentence} Its passivity control is exact only without command delay; these "
-            f"commands act {found.wall.delay:g} periods late.",
-            margin=found.margin,
+            f"commands act {judged.wall.delay:g} periods late.",
+            margin=judged.margin,
         )
     broken = broken_inertia(rig, axis_name)
     if broken is not None:
-        return Verdict(False, f"{name}: {broken}", margin=found.margin)
+        return Verdict(False, f"{name}: {broken}", margin=judged.margin)
     push = _push(rig, axis_name, wall, has)
     if not _is_prompt(has, push):
         beside = " beside its load" if has.load_rate > 0.0 else ""
@@ -302,14 +302,14 @@ def _passive(
             f"{sentence} Its passivity control must remove the effort at once, but "
             f"effort_rate_limit allows a drop of only {has.shared_step:.4g} per period{beside}; "
             f"raise that to {needed:g}.",
-            margin=found.margin,
+            margin=judged.margin,
         )
     unit = "N m/rad" if rotary else "N/m"
     reason = (
         f"{name}: K = {wall.stiffness:g} {unit} gives back no more energy than it received, by "
         f"its exact energy observer and controller (Hannaford and Ryu 2002), on a device of at "
         f"least "
-        f"{has.inertia:g}; damping alone would allow {found.passive_stiffness:.4g}."
+        f"{has.inertia:g}; damping alone would allow {judged.passive_stiffness:.4g}."
     )
     conditions = (FREE_FLIGHT, *assumed(axis, axis_name, inertia=True))
     return Verdict(True, reason, conditions)
@@ -325,23 +325,23 @@ def _rate_limit(rig: Rig, axis_name: str, wall: Wall, has: AxisAllowance) -> tup
     return (f"the effort_rate_limit of {axis_name} is not reached in the wall",)
 
 
-def _numbers(found: WallVerdict, asked: float) -> dict[str, Any]:
+def _numbers(judged: WallVerdict, asked: float) -> dict[str, Any]:
     return {
         "asked_stiffness": asked,
-        **found.wall._asdict(),
-        "device": found.device._asdict(),
-        "needed_damping": found.leak.damping,
-        "needed_at_hz": found.leak.frequency,
-        "damping_margin": found.margin,
-        "passive_stiffness": found.passive_stiffness,
-        "prompt_stiffness": found.prompt_stiffness,
-        "blame": found.blame._asdict(),
-        "remedies": found.remedies._asdict(),
-        "hand": None if found.hand is None else found.hand._asdict(),
-        "stable_stiffness": found.stable.limit,
-        "stable_at_hz": found.stable.frequency,
-        "stable": found.coupled_stable,
-        "growth": found.decay,
-        "quantised_stiffness": found.quantised_stiffness,
-        "activity_j": found.activity,
+        **judged.wall._asdict(),
+        "device": judged.device._asdict(),
+        "needed_damping": judged.leak.damping,
+        "needed_at_hz": judged.leak.frequency,
+        "damping_margin": judged.margin,
+        "passive_stiffness": judged.passive_stiffness,
+        "prompt_stiffness": judged.prompt_stiffness,
+        "blame": judged.blame._asdict(),
+        "remedies": judged.remedies._asdict(),
+        "hand": None if judged.hand is None else judged.hand._asdict(),
+        "stable_stiffness": judged.stable.limit,
+        "stable_at_hz": judged.stable.frequency,
+        "stable": judged.coupled_stable,
+        "growth": judged.decay,
+        "quantised_stiffness": judged.quantised_stiffness,
+        "activity_j": judged.activity,
     }

@@ -78,11 +78,11 @@ def _read(document: Document, block: dict[str, Any]) -> Any:
     return axes
 
 
-def _take(document: Document, found: dict[str, Any], path: tuple[str, str, str]) -> None:
+def _take(document: Document, calibration: dict[str, Any], path: tuple[str, str, str]) -> None:
     for key in MEASURED:
-        if key not in found:
+        if key not in calibration:
             continue
-        value = found.pop(key)
+        value = calibration.pop(key)
         if document.mark((*path, key)).argument is None:  # --set goes first
             document.get(path)[key] = copy.deepcopy(value)
             document.marks[(*path, key)] = document.mark(("calibration",))

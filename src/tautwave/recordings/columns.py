@@ -157,9 +157,9 @@ def read_column(
     return columns[time_column], columns[column]
 
 
-def _check(path: Path, found: Mapping[str, Array], time_column: str, holes: bool) -> None:
-    times = found[time_column]
-    for name, values in found.items():
+def _check(path: Path, columns: Mapping[str, Array], time_column: str, holes: bool) -> None:
+    times = columns[time_column]
+    for name, values in columns.items():
         if len(values) != len(times):
             raise ConfigError(
                 f"{path}: {name!r} has {len(values)} values, {time_column!r} has {len(times)}"

@@ -31,10 +31,10 @@ def _simulated(text: str) -> dict[str, Feel]:
     return {one.pair: one for one in rig_feel(rig)[0]}
 
 
-def feel_table(found: dict[str, Feel]) -> Table:
+def feel_table(feels: dict[str, Feel]) -> Table:
     """Return the figures of a rig as a table."""
     rows: list[tuple[str, ...]] = []
-    for name, one in found.items():
+    for name, one in feels.items():
         missing = "–" if not one.ended else "; ".join(one.ended)
         felt = missing if one.stiffness is None else quantity(one.stiffness, _stiffness(one), 3)
         drag = missing if one.drag is None else quantity(one.drag, _effort(one), 3)
@@ -50,9 +50,9 @@ def feel_table(found: dict[str, Feel]) -> Table:
     )
 
 
-def feel_values(found: dict[str, Feel], pair: str) -> dict[str, tuple[float | None, str]]:
+def feel_values(feels: dict[str, Feel], pair: str) -> dict[str, tuple[float | None, str]]:
     """Return the two figures of a pair, by what they are, each with its unit."""
-    one = found.get(pair)
+    one = feels.get(pair)
     if one is None:
         return {}
     return {

@@ -195,10 +195,10 @@ def _class(column: str, cell: str | Cell) -> Markup:
     return Markup(' class="{}"').format(" ".join(words)) if words else Markup()
 
 
-def verdict_rows(found: Iterable[Verdict]) -> Markup:
+def verdict_rows(verdicts: Iterable[Verdict]) -> Markup:
     """The verdicts, each with its status as text and colour."""
     rows = []
-    for topic, status, sentences in found:
+    for topic, status, sentences in verdicts:
         mark = "not yet evaluated" if topic == "Certificate" and status == "open" else None
         text = Markup("<p>{}</p>").each(sentences)
         rows.append(
@@ -227,9 +227,9 @@ def judged_banners(run: Run) -> Iterator[Markup]:
         yield banner("Warnings", warned, "note")
 
 
-def badge(found: Verdict) -> Markup:
+def badge(verdict: Verdict) -> Markup:
     """The outcome as a coloured word."""
-    return Markup('<span class="badge {}">{}</span>').format(found.status, found.topic)
+    return Markup('<span class="badge {}">{}</span>').format(verdict.status, verdict.topic)
 
 
 def details(title: str, text: str) -> Markup:

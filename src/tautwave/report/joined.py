@@ -269,29 +269,31 @@ def _least_away(halves: Sequence[Any], common: Common, later: float) -> float | 
     return float(np.min(total[known])) if known.any() else None
 
 
-def joined_page(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> str:
+def joined_page(master: Run, slave: Run, joined: dict[str, Any], folder: Path) -> str:
     """Return the page of both sites; its figures are kept in `folder` too."""
     title = f"{master.name}: both sites – tautwave"
-    return page(title, _body(master, slave, found, folder))
+    return page(title, _body(master, slave, joined, folder))
 
 
-def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Iterator[Markup]:
+def _body(master: Run, slave: Run, joined: dict[str, Any], folder: Path) -> Iterator[Markup]:
     yield Markup("<h1>{}: both sites</h1>").format(master.name)
     names = " and ".join(str(run.directory.resolve().name) for run in (master, slave))
-    many = "" if len(found["sessions"]) == 1 else "s"
+    many = "" if len(joined["sessions"]) == 1 else "s"
     yield (
         Markup(
             '<p class="soft">{}, joined by slot: {} slots of {} common session{} ({'
             "}). Each site's times count from the start of its own run.</p>"
-        ).format(names, found["slots"], len(found["sessions"]), many, ", ".join(found["sessions"]))
+        ).format(
+            names, joined["slots"], len(joined["sessions"]), many, ", ".join(joined["sessions"])
+        )
     )
-    if not found["same_rig"]:
+    if not joined["same_rig"]:
         yield Markup(
             '<p class="note">Keys that must match on both sites differ in the summaries.</p>'
         )
     rows = []
     remarks = []
-    for pair, books in found["pairs"].items():
+    for pair, books in joined["pairs"].items():
         if remark := gap_remark(pair, books):
             remarks.append(remark)
         unit, _ = axis_units(books["kind"])
@@ -343,7 +345,7 @@ def _body(master: Run, slave: Run, found: dict[str, Any], folder: Path) -> Itera
     from tautwave.report.figures.joined import joined_figure
 
     sessions = list(common_sessions(master, slave))
-    for pair, books in found["pairs"].items():
+    for pair, books in joined["pairs"].items():
         lines = [positions(master, slave, pair, one) for one in sessions]
         figure = None
         if master.time is not None:

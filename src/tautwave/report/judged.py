@@ -65,9 +65,9 @@ def judged(summary: Summary) -> list[Judged]:
     ]
 
 
-def severity_of(found: list[Judged], *topics: Topic) -> Severity:
+def severity_of(judgements: list[Judged], *topics: Topic) -> Severity:
     """Return how serious the worst verdict on some topics is; `open` without any."""
-    there = {one.severity for one in found if one.topic in topics}
+    there = {one.severity for one in judgements if one.topic in topics}
     return next((one for one in _GRAVITY if one in there), "open")
 
 

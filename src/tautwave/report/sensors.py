@@ -65,22 +65,22 @@ def balance_of(run: Run, axis: str, keys: Mapping[str, Any]) -> SensorBalance | 
     return sensor_balance(rests, greatest_friction(keys))
 
 
-def _sentence(axis: str, keys: Mapping[str, Any], found: SensorBalance) -> Iterator[str]:
+def _sentence(axis: str, keys: Mapping[str, Any], balance: SensorBalance) -> Iterator[str]:
     sensor, unit = block(keys, "effort_sensor"), "N m" if keys.get("kind") == "rotary" else "N"
     scale, offset = number(sensor.get("scale")) or 1.0, number(sensor.get("offset")) or 0.0
     friction = f"with a friction of at most {greatest_friction(keys):.3g} {unit}"
-    if 1.0 not in found.scale:
-        low, high = found.scale
+    if 1.0 not in balance.scale:
+        low, high = balance.scale
         to = f"{low:.3g} to {high:.3g}" if high < 1e6 else f"more than {low:.3g}"
-        new = f"{scale * found.scale.middle:.3g}" if high < 1e6 else f"{scale * low:.3g} or more"
+        new = f"{scale * balance.scale.middle:.3g}" if high < 1e6 else f"{scale * low:.3g} or more"
         yield (
-            f"{axis}: its effort sensor reads {to} times what its motor held at {found.rests} "
+            f"{axis}: its effort sensor reads {to} times what its motor held at {balance.rests} "
             f"rests, {friction}: effort_sensor.scale should be about {new}, or effort_limit and "
             "the motor's torque constant are wrong."
         )
-    elif 0.0 not in found.offset:
+    elif 0.0 not in balance.offset:
         yield (
-            f"{axis}: at rest and unloaded, its effort sensor reads {found.offset.lower:.3g} to "
-            f"{found.offset.upper:.3g} {unit} ({found.rests} rests, {friction}): "
-            f"effort_sensor.offset should be about {offset + scale * found.offset.middle:.3g}."
+            f"{axis}: at rest and unloaded, its effort sensor reads {balance.offset.lower:.3g} to "
+            f"{balance.offset.upper:.3g} {unit} ({balance.rests} rests, {friction}): "
+            f"effort_sensor.offset should be about {offset + scale * balance.offset.middle:.3g}."
         )

@@ -23,7 +23,7 @@ class CalibratedDriver(DriverWrapper):
         The driver.
     names : sequence of str
         Full names of its axes.
-    found : sequence of AxisCalibration
+    calibrations : sequence of AxisCalibration
         What was found on each device.
     followers : bool
         Whether any of them takes positions.
@@ -33,14 +33,14 @@ class CalibratedDriver(DriverWrapper):
         self,
         driver: Driver,
         names: Sequence[str],
-        found: Sequence[AxisCalibration],
+        calibrations: Sequence[AxisCalibration],
         *,
         followers: bool = False,
     ) -> None:
         super().__init__(driver)
-        self._names, self._found = names, found
-        self._zeros = [(one.zero, float(one.direction)) for one in found]
-        self._turned = followers or any(one.direction < 0 for one in found)
+        self._names, self._calibrations = names, calibrations
+        self._zeros = [(one.zero, float(one.direction)) for one in calibrations]
+        self._turned = followers or any(one.direction < 0 for one in calibrations)
 
     def open(self) -> None:
         """Open the driver, and refuse a device that is not the one that was calibrated.
@@ -54,7 +54,7 @@ class CalibratedDriver(DriverWrapper):
         reported = identities(self._driver)
         changes = [
             f"{name}: {key} was {then}, now {reported.get(name, {}).get(key, 'not given')}"
-            for name, one in zip(self._names, self._found, strict=True)
+            for name, one in zip(self._names, self._calibrations, strict=True)
             for key, then in one.device.items()
             if reported.get(name, {}).get(key) != then
         ]

@@ -134,9 +134,9 @@ class Registration:
         self._path = path
         self._server = server
 
-    def announce(self, bus: str, found: Mapping[str, Any]) -> None:
+    def announce(self, bus: str, endpoint: Mapping[str, Any]) -> None:
         """Add what is served on a bus."""
-        self._server = self._server._replace(buses={**self._server.buses, bus: dict(found)})
+        self._server = self._server._replace(buses={**self._server.buses, bus: dict(endpoint)})
         self.write()
 
     def write(self) -> None:

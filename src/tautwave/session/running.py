@@ -383,9 +383,9 @@ def _axes(assembly: Assembly, result: LoopResult) -> dict[str, Axis]:
     }
 
 
-def _faults(found: Iterable[Fault]) -> tuple[DeviceFault, ...]:
+def _faults(faults: Iterable[Fault]) -> tuple[DeviceFault, ...]:
     return tuple(
-        DeviceFault(text=str(one.text), axis=one.axis or None, fatal=one.fatal) for one in found
+        DeviceFault(text=str(one.text), axis=one.axis or None, fatal=one.fatal) for one in faults
     )
 
 

@@ -183,9 +183,9 @@ def end_with_parent(parent: int) -> bool:
     return os.getppid() == parent
 
 
-def print_line(found: Mapping[str, Any]) -> None:
+def print_line(message: Mapping[str, Any]) -> None:
     """Write one line of JSON to stdout and flush it, for the parent process."""
-    sys.stdout.write(json.dumps(dict(found)) + "\n")
+    sys.stdout.write(json.dumps(dict(message)) + "\n")
     sys.stdout.flush()
 
 

@@ -149,9 +149,9 @@ class SessionProcess:
 
         threading.Thread(target=work, daemon=True).start()
 
-    def _done_with(self, found: Outcome) -> None:
+    def _done_with(self, outcome: Outcome) -> None:
         """Hand over what came of a handshake; called in other threads."""
-        self._done.put(found)
+        self._done.put(outcome)
         with suppress(OSError):
             self._wake.send(b"!")
 

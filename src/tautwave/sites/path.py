@@ -208,7 +208,7 @@ def _swap(channel: Channel, heard: Heard, asked: Asked) -> tuple[Way, Way]:
     return here, there._replace(sent=here.sent)
 
 
-def table(found: Found, site: str, peer: str) -> Iterator[str]:
+def table(outcome: Found, site: str, peer: str) -> Iterator[str]:
     """Yield the lines that a person reads."""
     yield f"{'':14}{f'{site} to {peer}':>20}{f'{peer} to {site}':>20}"
     rows: tuple[tuple[str, Callable[[Way], str]], ...] = (
@@ -222,14 +222,14 @@ def table(found: Found, site: str, peer: str) -> Iterator[str]:
         ("  greatest", lambda w: f"{1e3 * w.greatest:.3f} ms"),
     )
     for name, text in rows:
-        yield f"{name:14}{text(found.there):>20}{text(found.back):>20}"
+        yield f"{name:14}{text(outcome.there):>20}{text(outcome.back):>20}"
     yield (
-        f"clock: {_clock(found.back, peer)}; a delay of one way is known to "
-        f"+-{1e3 * found.back.unknown:.3g} ms (half the round trips)"
+        f"clock: {_clock(outcome.back, peer)}; a delay of one way is known to "
+        f"+-{1e3 * outcome.back.unknown:.3g} ms (half the round trips)"
     )
     yield (
-        f"play-out: {1e3 * found.depth_s:.3g} ms covers 99 % of the worse direction, a line of "
-        f"{1e3 * found.delay_s:.3g} ms each way; a force F leaves an offset of F tau / b"
+        f"play-out: {1e3 * outcome.depth_s:.3g} ms covers 99 % of the worse direction, a line of "
+        f"{1e3 * outcome.delay_s:.3g} ms each way; a force F leaves an offset of F tau / b"
     )
 
 
@@ -246,13 +246,13 @@ def _line(way: Way) -> str:
     )
 
 
-def trace(found: Found, rate_hz: float) -> str:
+def trace(outcome: Found, rate_hz: float) -> str:
     """Return what came here as CSV: when it was sent [s], its delay [s], whether it was lost."""
     first: dict[int, float] = {}
-    for one, delay in zip(found.heard.arrivals, delays_of(found.heard), strict=True):
+    for one, delay in zip(outcome.heard.arrivals, delays_of(outcome.heard), strict=True):
         first.setdefault(one.number, delay)
     lines = ["time_s,delay_s,lost"]
-    for number in range(found.back.sent):
+    for number in range(outcome.back.sent):
         delay = max(0.0, first.get(number, 0.0))
         lines.append(f"{number / rate_hz:.6f},{delay:.6f},{int(number not in first)}")
     return "\n".join(lines) + "\n"

@@ -44,7 +44,7 @@ def sign(directory: Path, site: str, data: bytes) -> Signature:
     return Signature(key.sign(data), certificate)
 
 
-def signer_of(found: Signature, data: bytes, signed: datetime.datetime, directory: Path) -> str:
+def signer_of(signature: Signature, data: bytes, signed: datetime.datetime, directory: Path) -> str:
     """Return the name of the site that signed, by the authority in a directory.
 
     Raises
@@ -63,14 +63,14 @@ def signer_of(found: Signature, data: bytes, signed: datetime.datetime, director
     except (OSError, ValueError) as err:
         raise ConfigError(f"{path}: is not an authority's certificate ({err})") from err
     try:
-        certificate = x509.load_pem_x509_certificate(found.certificate)
+        certificate = x509.load_pem_x509_certificate(signature.certificate)
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature) as err:
         raise ConfigError(f"the signer's certificate was not issued by {path}") from err
     key = certificate.public_key()
     try:
         assert isinstance(key, Ed25519PublicKey)
-        key.verify(found.signature, data)
+        key.verify(signature.signature, data)
     except (AssertionError, InvalidSignature) as err:
         raise ConfigError("the signature does not match the certificate's key") from err
     if not certificate.not_valid_before_utc <= signed <= certificate.not_valid_after_utc:

@@ -75,9 +75,9 @@ def _unused(entry: Any) -> Data:
     return {"element": element, "reason": reason}
 
 
-def _faults(found: Any) -> list[Data]:
+def _faults(faults: Any) -> list[Data]:
     """Return faults, once written as sentences alone."""
-    return [one if isinstance(one, dict) else {"text": str(one)} for one in _list(found)]
+    return [one if isinstance(one, dict) else {"text": str(one)} for one in _list(faults)]
 
 
 def _list(value: Any) -> list[Any]:

@@ -252,15 +252,15 @@ def _estimates(values: Array, halves: Array) -> tuple[Estimate, ...]:
 
 def _bodies_believed(chain: ChainParams) -> list[Array]:
     """Return the parameters of each body, of 1 kg and a radius of 0.1 m where none is believed."""
-    found = []
+    bodies = []
     for body in np.split(parameters_of(chain), len(chain.joints)):
         mass = float(body[0])
         if mass <= 0.0:
             body = np.zeros(len(PARAMETERS))
             body[0] = 2.0 * MASS
             body[4:7] = 2.0 * MASS * REACH**2
-        found.append(body)
-    return found
+        bodies.append(body)
+    return bodies
 
 
 def _doubt(body: Array) -> Array:

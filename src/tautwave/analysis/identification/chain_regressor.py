@@ -57,7 +57,7 @@ def efforts_by_body(chain: ChainParams, q: Array, v: Array, a: Array) -> list[Ar
     """
     bodies = _bodies(chain, q, v, a)
     count = len(chain.joints)
-    found = []
+    regressors = []
     for i in range(count):
         block = np.zeros((len(q), count, len(PARAMETERS)))
         back = np.swapaxes(bodies.turn[i], 1, 2)
@@ -68,8 +68,8 @@ def efforts_by_body(chain: ChainParams, q: Array, v: Array, a: Array) -> list[Ar
                 block[:, j] = _dot(axis, bodies.twist[i]) + _dot(arm, bodies.push[i])
             else:
                 block[:, j] = _dot(axis, bodies.push[i])
-        found.append(block)
-    return found
+        regressors.append(block)
+    return regressors
 
 
 def _bodies(chain: ChainParams, q: Array, v: Array, a: Array) -> Bodies:

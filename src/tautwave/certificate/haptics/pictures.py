@@ -57,7 +57,7 @@ CYCLE_WORDS = (
 )
 
 
-def draw_haptics(name: str, found: Haptics, directory: Path) -> list[Path]:
+def draw_haptics(name: str, haptics: Haptics, directory: Path) -> list[Path]:
     """Write a PNG of each non-empty kind, SVG and PDF beside it; return the paths of the PNGs.
 
     Raises
@@ -67,9 +67,12 @@ def draw_haptics(name: str, found: Haptics, directory: Path) -> list[Path]:
     """
     drawn = []
     for file, made in (
-        (WIDTH, width_figure(name, found.widths) if found.widths else None),
-        (FELT, felt_figure(name, found.felt) if found.felt else None),
-        (CYCLES, cycle_figure(name, bounding(found.cycles)) if bounding(found.cycles) else None),
+        (WIDTH, width_figure(name, haptics.widths) if haptics.widths else None),
+        (FELT, felt_figure(name, haptics.felt) if haptics.felt else None),
+        (
+            CYCLES,
+            cycle_figure(name, bounding(haptics.cycles)) if bounding(haptics.cycles) else None,
+        ),
     ):
         if made is not None:
             drawn.append(save_figure(made, directory / file))

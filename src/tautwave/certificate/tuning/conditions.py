@@ -24,12 +24,12 @@ from tautwave.types import CommandDelay
 Delays = Mapping[str, CommandDelay]
 
 
-def conditions_of(rig: Rig, pair: str, delays: Delays, found: Tuning) -> Iterator[str]:
+def conditions_of(rig: Rig, pair: str, delays: Delays, tuning: Tuning) -> Iterator[str]:
     """Yield what a law that has the damping it needs still rests on, as sentences."""
     names = [f"{side}.{pair}" for side in SIDES]
     for name in names:
         yield from assumed(rig.axes[name], name, damping=True)
-    if found.clipped_short > 0.0:
+    if tuning.clipped_short > 0.0:
         unit = "N m" if rig.master.axes[pair].kind == "rotary" else "N"
         clip = pair_clip(rig, pair)
         force = pair_scale(rig.coupling.pairs[pair]).force_scale
@@ -39,7 +39,7 @@ def conditions_of(rig: Rig, pair: str, delays: Delays, found: Tuning) -> Iterato
         )
     has = [axis_allowance(rig, name, delays[name]) for name in names]
     for end, name in enumerate(names):
-        yield from _of_rate(rig, pair, end, has, found)
+        yield from _of_rate(rig, pair, end, has, tuning)
         yield from _of_steps(rig, name, has[end])
     for name, one in zip(names, has, strict=True):
         if math.isinf(one.velocity):
@@ -69,7 +69,7 @@ def _of_gaps(rig: Rig, name: str, delay: CommandDelay) -> Iterator[str]:
 
 
 def _of_rate(
-    rig: Rig, pair: str, end: int, has: list[AxisAllowance], found: Tuning
+    rig: Rig, pair: str, end: int, has: list[AxisAllowance], tuning: Tuning
 ) -> Iterator[str]:
     """Yield a condition where the effort's rate may be limited.
 
@@ -81,7 +81,7 @@ def _of_rate(
         return
     scale = pair_scale(rig.coupling.pairs[pair])
     speeds = (has[0].velocity, has[1].velocity / scale.scale)
-    needed = sum(a * v for a, v in zip(found.answers[end], speeds, strict=True) if a > 0.0)
+    needed = sum(a * v for a, v in zip(tuning.answers[end], speeds, strict=True) if a > 0.0)
     needed *= 1.0 if end == 0 else scale.force_scale
     wall = local_wall(rig, name)
     if wall is not None:

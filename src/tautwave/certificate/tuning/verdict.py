@@ -120,44 +120,44 @@ def _beside(rig: Rig, pair: str) -> str | None:
     return None
 
 
-def tuning_sentence(rig: Rig, pair: str, found: Tuning) -> str:
+def tuning_sentence(rig: Rig, pair: str, tuning: Tuning) -> str:
     """Return what a law needs and what its devices have, as a sentence."""
     unit = "N m s/rad" if rig.master.axes[pair].kind == "rotary" else "N s/m"
-    if found.clipped_short <= 0.0:
+    if tuning.clipped_short <= 0.0:
         times = ""
-        if 0.0 < found.needed < found.clipped_needed:
-            times = f" ({found.clipped_needed / found.needed:.3g} times what it needs unclipped)"
+        if 0.0 < tuning.needed < tuning.clipped_needed:
+            times = f" ({tuning.clipped_needed / tuning.needed:.3g} times what it needs unclipped)"
         return (
             "passive by tuning for any hand and environment, also where it is clipped: sampled, "
-            f"with delays, it needs {found.clipped_needed:.4g} {unit} of each device if both have "
-            f"equal damping{times}, and they have {-found.clipped_short:.4g} to spare."
+            f"with delays, it needs {tuning.clipped_needed:.4g} {unit} of each device if both have "
+            f"equal damping{times}, and they have {-tuning.clipped_short:.4g} to spare."
         )
-    if found.short <= 0.0:
+    if tuning.short <= 0.0:
         more = ""
-        if math.isfinite(found.clipped_short):
+        if math.isfinite(tuning.clipped_short):
             more = (
-                f" Clipped as well it would need {found.clipped_needed:.4g}; both lack "
-                f"{found.clipped_short:.4g}."
+                f" Clipped as well it would need {tuning.clipped_needed:.4g}; both lack "
+                f"{tuning.clipped_short:.4g}."
             )
         return (
             "passive by tuning for any hand and environment as long as it is not clipped: sampled, "
-            f"with delays, it needs {found.needed:.4g} {unit} of each device if both have equal "
-            f"damping, and they have {-found.short:.4g} to spare.{more}"
+            f"with delays, it needs {tuning.needed:.4g} {unit} of each device if both have equal "
+            f"damping, and they have {-tuning.short:.4g} to spare.{more}"
         )
-    needed, short = found.needed, found.short
+    needed, short = tuning.needed, tuning.short
     if math.isinf(needed):
-        needed, short = found.clipped_needed, found.clipped_short
+        needed, short = tuning.clipped_needed, tuning.clipped_short
     if math.isinf(needed):
         return "not passive: no amount of device damping suffices at low frequencies."
     apart = (
         "with a hand and an environment that do not touch each other it is still stable."
-        if found.short_apart <= 0.0
+        if tuning.short_apart <= 0.0
         else "even for a hand and an environment that do not touch each other both lack "
-        f"{found.short_apart:.4g}."
+        f"{tuning.short_apart:.4g}."
     )
-    if math.isinf(found.short_apart):
+    if math.isinf(tuning.short_apart):
         apart = "nothing more is proved for commands that act after a fraction of a period."
-    at = f", worst at {found.at:.3g} Hz" if math.isfinite(found.needed) else ""
+    at = f", worst at {tuning.at:.3g} Hz" if math.isfinite(tuning.needed) else ""
     return (
         f"not passive: sampled, with delays, it would need {needed:.4g} {unit} of each "
         f"device{at}; both lack {short:.4g}; {apart}"

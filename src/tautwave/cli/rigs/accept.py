@@ -202,7 +202,7 @@ def _share(document: Path, target: Path, keep: Sequence[str]) -> None:
     """Print what may be handed on of an acceptance, then write it."""
     from tautwave.session.acceptance.shared import shared, text_of, write_shared
 
-    found = shared(document, keep)
-    click.echo(text_of(found), nl=False)
-    write_shared(target, found)
+    acceptance = shared(document, keep)
+    click.echo(text_of(acceptance), nl=False)
+    write_shared(target, acceptance)
     click.echo(f"{target}: as printed above; nothing is sent anywhere", err=True)

@@ -423,9 +423,12 @@ def calibration_of(rig: Rig, axis_name: str) -> AxisCalibration:
     return calibrations.get(axis_name, AxisCalibration())
 
 
-def _axis_spec(name: str, axis: Axis, found: AxisCalibration) -> AxisSpec:
+def _axis_spec(name: str, axis: Axis, calibration: AxisCalibration) -> AxisSpec:
     low, high = (-math.inf, math.inf) if axis.position_range is None else axis.position_range
-    ends = (found.zero + found.direction * low, found.zero + found.direction * high)
+    ends = (
+        calibration.zero + calibration.direction * low,
+        calibration.zero + calibration.direction * high,
+    )
     return AxisSpec(
         name,
         axis.id,

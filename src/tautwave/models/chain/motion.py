@@ -234,12 +234,12 @@ def _tried(
                 row += half[i * count + j] * v[j]
             right[i] = 2.0 * row + h * (held - weight[i] - swung[i])
             matrix[i * count + i] += h * slope
-        found = speeds_under_friction(matrix, right, [h * p.coulomb for p in plants], signs)
-        change = max(abs(a - b) for a, b in zip(found, mean, strict=True))
-        mean = found
+        next_mean = speeds_under_friction(matrix, right, [h * p.coulomb for p in plants], signs)
+        change = max(abs(a - b) for a, b in zip(next_mean, mean, strict=True))
+        mean = next_mean
         if change < least:
             least = change
-            best = found
+            best = next_mean
             bends = share
         elif change > DIVERGED * least:
             break

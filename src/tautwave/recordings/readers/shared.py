@@ -52,26 +52,26 @@ def chosen(path: Path, columns: Mapping[str, Array], wanted: Sequence[str]) -> d
     return {name: columns[name] for name in wanted}
 
 
-def flatten(name: str, value: Any, found: dict[str, Array]) -> None:
-    """Add the numeric vectors in a value to `found`: `name`, `struct.field`, `matrix[0]`."""
+def flatten(name: str, value: Any, series: dict[str, Array]) -> None:
+    """Add the numeric vectors in a value to `series`: `name`, `struct.field`, `matrix[0]`."""
     if isinstance(value, dict):
         for key, inner in value.items():
-            flatten(f"{name}.{key}", inner, found)
+            flatten(f"{name}.{key}", inner, series)
         return
     if isinstance(value, list):
         for at, inner in enumerate(value):
-            flatten(f"{name}[{at}]", inner, found)
+            flatten(f"{name}[{at}]", inner, series)
         return
     array = np.asarray(value)
     if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
         return
     if array.ndim == 1:
-        found[name] = array.astype(np.float64)
+        series[name] = array.astype(np.float64)
         return
     if array.shape[0] < array.shape[1]:  # samples are along the longer side
         array = array.T
     for at, column in enumerate(array.T):
-        found[f"{name}[{at}]"] = column.astype(np.float64)
+        series[f"{name}[{at}]"] = column.astype(np.float64)
 
 
 def wrong(number: float | None) -> str:

@@ -101,9 +101,9 @@ def _view(run: Run, arm: ArmParts, rows: Any) -> ArmView | None:
         along = np.zeros((len(rows), 3))
         known = False
         for column, axis, factor in components:
-            found = _columns(run, [column], rows)
-            if found is not None:
-                along[:, axis] = factor * found[:, 0]
+            series = _columns(run, [column], rows)
+            if series is not None:
+                along[:, axis] = factor * series[:, 0]
                 known = True
         if known or name == "coupling":
             forces[name] = along @ frame

@@ -72,14 +72,14 @@ def read_before(root: Path, version: str, chunk: int) -> Before:
     pyarrow, parquet = arrow_library()
     try:
         info = _stated(root / "meta/info.json")
-        found = info["codebase_version"]
+        written_as = info["codebase_version"]
     except (ConfigError, KeyError, TypeError) as err:
         raise ConfigError(
             f"{root}: no LeRobot dataset, so there is nothing to resume; leave --resume out to "
             "write a new one"
         ) from err
-    if found != version:
-        raise ConfigError(f"{root}: format {found}; only {version} can be resumed")
+    if written_as != version:
+        raise ConfigError(f"{root}: format {written_as}; only {version} can be resumed")
     if not (root / OURS).is_file():
         raise ConfigError(
             f"{root}: no {OURS}, so `tautwave export` has not made it; write a new dataset, and "
@@ -122,15 +122,15 @@ def _number(row: Mapping[str, Any], kind: str, chunk: int) -> int:
 
 def _columns(table: Any, features: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Return the columns of a table as arrays, shape (frames,) or (frames, signals)."""
-    found = {}
+    arrays = {}
     for key, feature in features.items():
         column = table[key].combine_chunks()
         if feature["names"] is None:
-            found[key] = column.to_numpy(zero_copy_only=False)
+            arrays[key] = column.to_numpy(zero_copy_only=False)
         else:
             flat = column.flatten().to_numpy(zero_copy_only=False)
-            found[key] = flat.reshape(len(column), feature["shape"][0])
-    return found
+            arrays[key] = flat.reshape(len(column), feature["shape"][0])
+    return arrays
 
 
 def refuse_unlike(
@@ -235,8 +235,8 @@ def together(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "std": np.sqrt(np.maximum(square - np.square(mean), 0.0)),
     }
     rest = {name: mean_of(name) for name in parts[0] if name not in exact and name != "count"}
-    found: dict[str, Any] = {name: value.tolist() for name, value in (exact | rest).items()}
-    return found | {"count": [math.floor(counts.sum() + 0.5)]}
+    combined: dict[str, Any] = {name: value.tolist() for name, value in (exact | rest).items()}
+    return combined | {"count": [math.floor(counts.sum() + 0.5)]}
 
 
 def arrow_library() -> tuple[Any, Any]:

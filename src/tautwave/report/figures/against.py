@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def against_figure(title: str, found: Sequence[Compared]) -> Figure:
+def against_figure(title: str, compared: Sequence[Compared]) -> Figure:
     """Return a panel for each quantity: as recorded, and as in the run."""
-    figure, axes = panels([1.5] * len(found), title)
-    for panel, one in zip(axes, found, strict=True):
+    figure, axes = panels([1.5] * len(compared), title)
+    for panel, one in zip(axes, compared, strict=True):
         lines = trace(one.time_s, one.recorded), trace(one.time_s, one.ours)
         factor, unit = scale_for(peak(*lines), one.unit)
         for line, label, colour, width in zip(

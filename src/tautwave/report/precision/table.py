@@ -88,13 +88,13 @@ def precision_tables(run: Run) -> Iterator[Table]:
             yield _simulated(run, pair, errors)
 
 
-def _simulated(run: Run, pair: str, found: dict[str, Any]) -> Table:
+def _simulated(run: Run, pair: str, precision: dict[str, Any]) -> Table:
     position, _ = axis_units(axis_kind(run, "slave", pair))
     _, effort = axis_units(axis_kind(run, "master", pair))
-    travel, greatest = number(found.get("travel")), number(found.get("effort"))
+    travel, greatest = number(precision.get("travel")), number(precision.get("effort"))
     rows = []
     for key, name in _NAMES.items():
-        part = block(found, key)
+        part = block(precision, key)
         if "why_not" in part:
             rows.append((name, str(part["why_not"]), "", "", ""))
             continue
@@ -109,18 +109,18 @@ def _simulated(run: Run, pair: str, found: dict[str, Any]) -> Table:
             )
         )
     ended = [
-        f"{_NAMES[key]} the run would have ended: {found[key]['ended']}"
+        f"{_NAMES[key]} the run would have ended: {precision[key]['ended']}"
         for key in ("half", "double")
-        if "ended" in block(found, key)
+        if "ended" in block(precision, key)
     ]
-    note = "; ".join([*step_notes(run, pair, found), *order_notes(found, position), *ended])
+    note = "; ".join([*step_notes(run, pair, precision), *order_notes(precision, position), *ended])
     title = f"Pair {pair}: differences of slave position and master effort"
     return Table(title, _HEAD, tuple(rows), note)
 
 
-def step_notes(run: Run, pair: str, found: dict[str, Any]) -> Iterator[str]:
+def step_notes(run: Run, pair: str, precision: dict[str, Any]) -> Iterator[str]:
     """Yield a warning if the oracle is within an encoder step: the difference may be rounding."""
-    moved = number(block(found, "oracle").get("position"))
+    moved = number(block(precision, "oracle").get("position"))
     steps = [
         number(block(run.rig, side, "axes", pair).get("encoder_quantum")) or 0.0
         for side in ("master", "slave")
@@ -133,10 +133,10 @@ def step_notes(run: Run, pair: str, found: dict[str, Any]) -> Iterator[str]:
         )
 
 
-def order_notes(found: dict[str, Any], unit: str) -> Iterator[str]:
+def order_notes(precision: dict[str, Any], unit: str) -> Iterator[str]:
     """Yield the observed order of convergence and the extrapolated error at the run's own rate."""
-    half = number(block(found, "half").get("position_rms"))
-    double = number(block(found, "double").get("position_rms"))
+    half = number(block(precision, "half").get("position_rms"))
+    double = number(block(precision, "double").get("position_rms"))
     if not half or not double:
         return
     order = math.log2(half / double)
@@ -150,10 +150,10 @@ def order_notes(found: dict[str, Any], unit: str) -> Iterator[str]:
     )
 
 
-def _hardware(run: Run, pair: str, found: dict[str, Any]) -> Table:
+def _hardware(run: Run, pair: str, precision: dict[str, Any]) -> Table:
     rows = []
     for side in ("master", "slave"):
-        part = block(found, side)
+        part = block(precision, side)
         _, unit = axis_units(axis_kind(run, side, pair))
         greatest = number(part.get("effort"))
         cells = [quantity(greatest, unit, 3), quantity(part.get("replayed"), unit, 3)]

@@ -304,10 +304,10 @@ def shared(document: Path, keep: Sequence[str] = ()) -> Shared:
     known = [*_serials(devices), *_serials(rig), *_serials(content["checks"])]
     serials = {text for text in known if len(text) > 2}
     cleaner = _Cleaner(rig, serials, keep)
-    found = {
+    recorded = {
         stage: {**_rows(one, cleaner), **_traffic(one, cleaner)} for stage, one in folders.items()
     }
-    stages = {name: one for name, one in found.items() if one}
+    stages = {name: one for name, one in recorded.items() if one}
     return Shared(
         version=content["version"],
         day=content["sealed_utc"][:10],

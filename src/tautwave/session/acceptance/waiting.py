@@ -38,15 +38,15 @@ def apart(rig: Rig, at: Mapping[str, float]) -> dict[str, float]:
     Only of pairs that do not engage there: with an `engage_tolerance`, and a rig that does not
     align its slaves itself.
     """
-    found = {}
+    gaps = {}
     for name, keys in rig.coupling.pairs.items() if rig.scene is None else ():
         offset, tolerance = slave_offset(keys)
         if rig.operate is None and offset is not None and math.isfinite(tolerance):
             goal = keys.sign * keys.position_scale * at[f"master.{name}"] + offset
             gap = at[f"slave.{name}"] - goal
             if abs(gap) > TOGETHER * tolerance:
-                found[name] = gap
-    return found
+                gaps[name] = gap
+    return gaps
 
 
 def wait_for_place(

@@ -356,15 +356,15 @@ def _chain(links: Sequence[Link], gravity: tuple[float, float, float]) -> ChainP
     return build_chain(tuple(links), gravity)
 
 
-def _doubts(found: ChainResult) -> list[str]:
-    fit = found.fit
+def _doubts(result: ChainResult) -> list[str]:
+    fit = result.fit
     notes = [
         "No motion tells single masses apart, only the sums above; bodies are those nearest to "
         "what the file says that can exist and say the same."
     ]
-    if found.turned:
+    if result.turned:
         notes.append("The efforts count against the positions: their sign was inverted.")
-    untold = [fit.base.name(at, found.joints) for at, told in enumerate(fit.told) if not told]
+    untold = [fit.base.name(at, result.joints) for at, told in enumerate(fit.told) if not told]
     if untold:
         notes.append(
             f"{len(untold)} of {len(fit.told)} base parameters are as believed, this motion does "
@@ -377,7 +377,7 @@ def _doubts(found: ChainResult) -> list[str]:
             "(a hand, a contact, a wrong order of joints or unit) acts. Choose a free part with "
             "--from and --to."
         )
-    if found.misfit:
+    if result.misfit:
         notes.append(
             "Doubtful: no bodies that can exist say what the efforts say; a sign, a unit or a gear "
             "ratio of one joint is wrong, or the file's geometry is another arm's."

@@ -234,12 +234,12 @@ def pushes(fit: DeviceFit) -> bool:
     return fit.coulomb.upper < 0.0 or fit.damping.upper < 0.0
 
 
-def _doubts(found: LeverResult) -> list[str]:
-    fit = found.fit
+def _doubts(result: LeverResult) -> list[str]:
+    fit = result.fit
     notes = []
-    if found.turned:
+    if result.turned:
         notes.append(
-            f"{found.series.effort_name} counts against the position: its sign was inverted."
+            f"{result.series.effort_name} counts against the position: its sign was inverted."
         )
     if fit.explained < DOUBTFUL or fit.inertia.lower <= 0.0:
         heavy = "" if fit.weight is not None else "--gravity finds a weight; "
@@ -250,11 +250,11 @@ def _doubts(found: LeverResult) -> list[str]:
         )
     elif pushes(fit):
         notes.append(
-            f"Doubtful: friction comes out negative, so {found.series.effort_name} is not what "
+            f"Doubtful: friction comes out negative, so {result.series.effort_name} is not what "
             "moved the lever. Choose a part or a recording in which it is."
         )
-    if fit.weight is not None and not found.knows_weight:
-        moved = float(np.ptp(found.series.position[found.series.known]))
+    if fit.weight is not None and not result.knows_weight:
+        moved = float(np.ptp(result.series.position[result.series.known]))
         notes.append(
             f"Doubtful: over {moved:.2g} rad a weight that turns is not told from a constant "
             "effort; move the lever farther, at best through a whole turn."
@@ -263,18 +263,18 @@ def _doubts(found: LeverResult) -> list[str]:
         one = fit.outside
         if one.lower <= 0.0 <= one.upper:
             notes.append(
-                f"{found.outside_name} explains nothing: its scale is not "
+                f"{result.outside_name} explains nothing: its scale is not "
                 "distinguishable from zero."
             )
         elif abs(abs(one.value) - 1.0) > WRONG:
             notes.append(
-                f"By the motor's effort, one unit of {found.outside_name} is {one.value:.3g} "
+                f"By the motor's effort, one unit of {result.outside_name} is {one.value:.3g} "
                 "units: one of both scales (or the sign) is wrong."
             )
-        offset = found.sensor_offset
+        offset = result.sensor_offset
         if offset is not None and abs(offset.value) > max(fit.coulomb.value, 0.0):
             notes.append(
-                f"{found.outside_name} reads {offset.value:.3g} at zero effort, or the lever has "
+                f"{result.outside_name} reads {offset.value:.3g} at zero effort, or the lever has "
                 "that weight: more than friction can hold at rest."
             )
     if float(np.max(np.abs(fit.effort))) > 0.0 and fit.damping.lower <= 0.0:

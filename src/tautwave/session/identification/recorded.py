@@ -262,9 +262,9 @@ def contact_snippet(fit: ContactFit) -> str | None:
     )
 
 
-def save_result(found: dict[str, Any], directory: Path) -> Path:
+def save_result(result: dict[str, Any], directory: Path) -> Path:
     """Write identification.json; return its path."""
     path = directory / "identification.json"
     make_directory(directory)
-    write_text(path, json.dumps(found, indent=2, ensure_ascii=False) + "\n")
+    write_text(path, json.dumps(result, indent=2, ensure_ascii=False) + "\n")
     return path
