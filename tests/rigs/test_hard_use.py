@@ -10,11 +10,11 @@ import pytest
 from tautwave.certificate.verdict import certify
 from tautwave.controller.records import AxisState
 from tautwave.couplings.wave.port import (
-    LIMP,
-    LIMP_COARSE,
-    LIMP_NOISY,
-    LIMP_PLAIN,
     OWED_PERIODS,
+    PORT_STARVED,
+    PORT_STARVED_COARSE,
+    PORT_STARVED_NOISY,
+    PORT_STARVED_PLAIN,
     WaveEnd,
     judge_port,
     listen_to,
@@ -163,17 +163,17 @@ def test_what_a_lost_coupling_is(
     s = AxisState(end=WaveEnd(cut_before=True, gap_before=before * few))
     s.end.wanted_sum, s.end.cut_sum, s.end.gap_sum = 2000.0, 2000.0 * share, gap * few
     judge_port(s, k)
-    assert (s.alarm == LIMP) is port_starved
+    assert (s.alarm == PORT_STARVED) is port_starved
 
 
 @pytest.mark.parametrize(
     ("changed", "noise", "cause", "number"),
     [
-        ({}, 4.0e-5, LIMP, 0.1),
-        ({}, 3.0e-4, LIMP_NOISY, 3.0e-4),
-        ({"step": 0.8}, 3.0e-4, LIMP_COARSE, 0.375),
-        ({"observer": plain_observer(5e-4, 1.1e-3)}, 4.0e-5, LIMP_PLAIN, 0.1),
-        ({"observer": plain_observer(5e-4, 1.1e-3)}, 3.0e-4, LIMP_NOISY, 3.0e-4),
+        ({}, 4.0e-5, PORT_STARVED, 0.1),
+        ({}, 3.0e-4, PORT_STARVED_NOISY, 3.0e-4),
+        ({"step": 0.8}, 3.0e-4, PORT_STARVED_COARSE, 0.375),
+        ({"observer": plain_observer(5e-4, 1.1e-3)}, 4.0e-5, PORT_STARVED_PLAIN, 0.1),
+        ({"observer": plain_observer(5e-4, 1.1e-3)}, 3.0e-4, PORT_STARVED_NOISY, 3.0e-4),
     ],
 )
 def test_what_took_the_energy(

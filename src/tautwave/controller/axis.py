@@ -166,13 +166,13 @@ def pass_late(s: AxisState, p: AxisParams, table: MutableSequence[float]) -> flo
 
 
 def miss_sample(s: AxisState, p: AxisParams, steps: Steps) -> None:
-    """No sample in this cycle: nothing is known, nothing leaves, the command stays."""
+    """Note a cycle without a sample: nothing leaves for the other side, the command stays."""
     s.valid = False
     steps.on_missing(s, p)
 
 
 def take_sample(s: AxisState, p: AxisParams, m: Sample, steps: Steps) -> None:
-    """Close with a fresh sample, or do without."""
+    """Close the open interval with a fresh sample, or note that none came."""
     if m.valid:
         close_axis(s, p, m.position, m.effort, steps)
     else:
@@ -291,8 +291,8 @@ def decide_command(
 ) -> int:
     """Decide the next command; return the guard's code (0: all is well).
 
-    Range and velocity are guarded first, on what was measured: no law may talk an axis out of its
-    limits. A stop that has begun needs no law either. Everything else is computed for the period
+    Range and velocity are guarded first, on what was measured: no law overrides the limits of an
+    axis. A stop that has begun needs no law either. Everything else is computed for the period
     in which the command will act, `delay` periods ahead, so efforts under way are summed first.
     `ceiling` is the engage ramp's [N m, N or rad/s, m/s].
     """
@@ -470,7 +470,7 @@ def decide_axis(
     ramp: float,
     steps: Steps,
 ) -> int:
-    """Think if there is a sample; without one, let go while stopping, else keep the command."""
+    """Decide the next command; without a sample keep the last one, or let go in a stop."""
     if valid:
         return decide_command(s, p, table, ramp * p.ceiling, steps)
     return miss_axis(s, p, ramp * p.ceiling)

@@ -1,4 +1,4 @@
-"""What takes inertia off a device, beside the coupling: its observer, its effort, its account."""
+"""Compensation of a device's inertia, beside the coupling: observer, effort, account."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A master axis and a slave axis joined by a coupling, whose steps come as an argument.
 
-One `cycle_pair` is: slots that went by, close on both sides, exchange, think on both sides. The two
-sides never see each other's present, so the order in which they are evaluated changes no bit.
+One `cycle_pair` is: slots that went by, close on both sides, exchange, decide on both sides. The
+two sides never see each other's present, so the order in which they are evaluated changes no bit.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def start_pair(pair: PairView, master: Sample, slave: Sample, steps: Steps) -> N
 
 
 def engage_pair(pair: PairView, ramp: float, steps: Steps) -> None:
-    """Think for the first time, with nothing on its way; a slow side thinks when served next."""
+    """Compute the first commands, with nothing on its way; a slow side waits until it is served."""
     one, two, p1, p2, table = pair.one, pair.two, pair.p1, pair.p2, pair.table
     steps.engage(pair)
     if p1.divisor == 1:

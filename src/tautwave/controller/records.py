@@ -118,7 +118,7 @@ class AxisParams(NamedTuple):
 
 @dataclass(slots=True)
 class InertiaState:
-    """State of what takes inertia off an axis.
+    """State of the inertia compensation of an axis.
 
     Observed position, velocity and acceleration `push` [rad, rad/s, rad/s**2 or m, ...], and the
     `play` operator's answer to the samples; `effort` of the present command, `acted` last, `sum`

@@ -154,7 +154,7 @@ def fill_compensation(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
 
 
 def fill_inertia(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
-    """Write the account of what takes inertia off, if it is there."""
+    """Write the account of the inertia compensation, if there is one."""
     if not p.site.compensates_inertia:
         return at
     e = s.inertia

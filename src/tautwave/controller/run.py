@@ -84,7 +84,7 @@ def begin_stop(
 
 
 def forget_stop(o: RunState, end: int) -> None:
-    """Take a stop back: what found the reason has ended something else, and the run goes on."""
+    """Withdraw a stop whose reason ended only a session or an engagement: the run goes on."""
     fresh = RunState(end=end, armed_at=o.armed_at)
     for key in RunState.__slots__:
         setattr(o, key, getattr(fresh, key))

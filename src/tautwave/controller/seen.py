@@ -58,16 +58,16 @@ class SeenLink:
 
 
 def no_begin(s: AxisState) -> None:
-    """Have nothing to forget."""
+    """Reset nothing: the law keeps no state of its own."""
 
 
 def no_spring(q: PairParams, p1: AxisParams, p2: AxisParams) -> float:
-    """Have no spring."""
+    """Return 0: no spring of the law has its energy booked."""
     return 0.0
 
 
 def where_it_is(s: AxisState) -> tuple[float, float]:
-    """Show position and velocity."""
+    """Return position and velocity: what the far side sees by default."""
     return s.position, s.velocity
 
 
@@ -78,7 +78,7 @@ law_shown = where_it_is
 
 
 def start(pair: PairView, gap: float) -> None:
-    """Begin with the line full of where both stand, at rest."""
+    """Fill the line with the present positions of both sides, at rest."""
     c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     for i in range(q.samples):
         table[q.line + i] = one.position
@@ -134,7 +134,7 @@ def passed(value: float, table: MutableSequence[float], at: int) -> float:
 def see(
     c: PairState, q: PairParams, one: AxisState, two: AxisState, table: MutableSequence[float]
 ) -> None:
-    """Pass one slot: each side sees the other, in its own units."""
+    """Advance the line one slot: each side gets the other's state, in its own units."""
     x, v = law_shown(one)
     y, w = law_shown(two)
     f = one.end.effort
@@ -165,13 +165,13 @@ law_see = see
 
 
 def engage(pair: PairView) -> None:
-    """See each other for the first time."""
+    """Give each side the first state of the other."""
     c, q, one, two, table = pair.c, pair.q, pair.one, pair.two, pair.table
     law_see(c, q, one, two, table)
 
 
 def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
-    """Pass one slot; in one that the loop saw, book the spring."""
+    """Advance the line one slot; `here`: the loop ran in it, so book the spring."""
     c, q, one, two, p1, p2, table = pair.c, pair.q, pair.one, pair.two, pair.p1, pair.p2, pair.table
     if here:
         book_spring(c, q, one, two, law_spring(q, p1, p2))
@@ -184,7 +184,7 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> Sequence[str
 
 
 def fill_elements(out: Row, at: int, pair: PairView) -> int:
-    """Write what both devices gave, and what the spring holds; the rest is lost, or made."""
+    """Write what both devices gave and the spring stores; the rest is dissipated or generated."""
     c = pair.c
     w = c.link
     return fill_element(out, at, w.absorbed, w.stored - w.start_stored, w.dissipated)

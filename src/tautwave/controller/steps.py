@@ -27,29 +27,29 @@ class NoParams(NamedTuple):
 
 
 def no_start(pair: PairView, gap: float) -> None:
-    """Keep nothing from before."""
+    """Reset nothing."""
 
 
 def no_engage(pair: PairView) -> None:
-    """Nothing is on its way."""
+    """Prepare nothing: no value is on its way."""
 
 
 def ignore_acted(s: AxisState, p: AxisParams, tag: float) -> None:
-    """Book nothing by the slot."""
+    """Book nothing for a command that acted."""
 
 
 def no_close(
     s: AxisState, p: AxisParams, displacement: float, count: float, span: float, port: float
 ) -> None:
-    """Book nothing by the sample."""
+    """Book nothing for a sample."""
 
 
 def ignore_missing(s: AxisState, p: AxisParams) -> None:
-    """Nothing would have left."""
+    """Do nothing for a missing sample."""
 
 
 def no_exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
-    """Nothing passes between the sides."""
+    """Pass nothing between the sides."""
 
 
 def no_effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
@@ -97,12 +97,12 @@ class Steps(NamedTuple):
     is that and `tag` and `alarm` of an axis. `start`, `engage`, `exchange` and `fill_elements` get
     the whole pair as one `PairView`.
 
-    `start`: forget everything, the pair begins where it stands; `gap` [rad or m] is how far the
-    slave is from where it should be. `engage`: just before the first thought. `on_acted`: a command
-    acted for one slot; `tag` is the number that the end had put beside it. `close`: a sample came,
-    `displacement` [rad or m] in `count` periods, `span` [s], under the mean resisting effort `port`
-    [N m or N]. `on_missing`: none came. `exchange`: pass what left from side to side, one slot on;
-    not `here`: a slot that the loop did not see; `due`: this side was read in this slot.
+    `start`: reset all state, the pair begins where it stands; `gap` [rad or m] is how far the
+    slave is from where it should be. `engage`: called just before the first command. `on_acted`: a
+    command acted for one slot; `tag` is the number that the end had put beside it. `close`: a
+    sample came, `displacement` [rad or m] in `count` periods, `span` [s], under the mean resisting
+    effort `port` [N m or N]. `on_missing`: none came. `exchange`: advance by one slot what passes
+    between the sides; not `here`: a slot that the loop skipped; `due`: this side was read in it.
     `compute_effort`: return the resisting effort for the next period [N m or N], where
     `free_velocity` is its mean velocity without it [rad/s or m/s]. `move`: return the velocity of
     an admittance axis, see `laws.servo.admittance`. `brake`: return what may act of the effort that

@@ -107,17 +107,17 @@ SIGNALS = ("link_delay", "link_silence", "link_lost")
 
 
 def no_credit(s: AxisState, p: AxisParams) -> float:
-    """Have sent no credit [J, pair's]."""
+    """Return 0, the credit of a law without an account [J, pair's]."""
     return 0.0
 
 
 def no_level(s: AxisState, p: AxisParams) -> float:
-    """Have no tank."""
+    """Return 1, a full tank: a law without an account has none to fill."""
     return 1.0
 
 
 def no_hearing(s: AxisState, p: AxisParams, credit: float, level: float) -> None:
-    """Have no use for credit."""
+    """Ignore the credit: a law without an account keeps none."""
 
 
 law_start = no_start

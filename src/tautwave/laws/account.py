@@ -1,4 +1,4 @@
-"""An exact energy account around any law: what it may give is planned, what it gave is known.
+"""An energy account around any law: it bounds what may be given, and books what was given.
 
 Any function of own and far samples asks for a resisting effort R. Held over a period it gives
 
@@ -201,7 +201,7 @@ def is_covered(
     half_mobility: float,
     period: float,
 ) -> bool:
-    """Return whether an effort [N m or N] lies surely within `planned_bounds`, which need no look.
+    """Return whether an effort [N m or N] is surely within `planned_bounds`: cheaper than these.
 
     The parabolas of `gate_bounds` themselves, without root or division: most efforts are within.
     With u = |v| + 2 M |R|, `u**2 < v**2 + 4 M funds / T` says |R| < g. `SURELY` exceeds all that

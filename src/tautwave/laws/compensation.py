@@ -58,7 +58,7 @@ def compensation_effort(p: CompensationParams, velocity: float) -> float:
 
 
 class InertiaParams(NamedTuple):
-    """Constants of what takes inertia off a device.
+    """Constants of a device's inertia compensation.
 
     gain g m [kg m**2 or kg]; most: greatest effort [N m or N]; coulomb [N m or N] that pays;
     play h [rad or m]. Of the account `reserve` is E0, `debt` D, `income` what noise is charged.

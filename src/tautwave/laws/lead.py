@@ -57,7 +57,7 @@ def lead_step(
 
 
 class HandParams(NamedTuple):
-    """A hand that a motor plays.
+    """Constants of a simulated hand whose effort a motor exerts.
 
     law: its spring, damper, greatest effort and speed, of which no push grows; step: the motor's
     greatest change of effort in a period, and quantum its step [N m or N]; release: the share of
@@ -82,7 +82,7 @@ def hand_effort(
     given: float,
     room: tuple[float, float],
 ) -> float:
-    """Return the effort of a hand on the device that plays it, positive along its position.
+    """Return the effort of such a hand on its device, positive along the position.
 
     Parameters
     ----------

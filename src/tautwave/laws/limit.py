@@ -220,7 +220,7 @@ def share_effort(wall: float, port: float, applied: float) -> float:
 
 
 def guard_axis(p: LimitParams, position: float, velocity: float) -> int:
-    """Return 0 when all is well, 1 outside the position range, 2 too fast, 3 not finite."""
+    """Return 0 within limits, 1 outside the position range, 2 too fast, 3 not finite."""
     if position - position != 0.0 or velocity - velocity != 0.0:
         return 3  # NaN or infinite, which an absent limit would let pass
     if not p.position_low <= position <= p.position_high:

@@ -59,7 +59,7 @@ def observer_params(period: float, mass: float, pole: float) -> ObserverParams:
 
 
 def plain_observer(period: float, mass: float) -> ObserverParams:
-    """Return the constants that trust each sample and believe in nothing outside.
+    """Return the constants that take each sample as it is and estimate no outside effort.
 
     Mean velocity of the last period plus what the known effort adds: the port without an observer.
     It returns no more of a wave than arrives where every pole does, but pays a share of all work

@@ -1,4 +1,4 @@
-"""Two clocks: how far the other is ahead, and how fast, from packets that echo each other.
+"""Offset and rate of the other site's clock, from packets that echo each other.
 
 Of each window only the packet with the least round trip counts: what waited in a queue tells of
 the queue. A line through the last windows gives offset and rate. An unlike delay of the two ways
@@ -27,7 +27,7 @@ WINDOWS = 10
 
 
 class Exchange(NamedTuple):
-    """What one packet tells, or the best of a window.
+    """One exchange of time stamps, or the best of a window.
 
     at: own clock when it came [s]; offset: the other's clock less the own one [s]; round_trip [s].
     """

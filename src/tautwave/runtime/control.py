@@ -129,7 +129,7 @@ class Control(ABC):
 
     @abstractmethod
     def step(self, slot: int, skipped: int) -> bool:
-        """Close, exchange and think, or engage; return False if the run must not begin."""
+        """Close, exchange and decide, or engage; return False if the run must not begin."""
 
     @abstractmethod
     def fill(self, row: Row, at: int) -> None:
@@ -152,25 +152,25 @@ class Control(ABC):
             end_by(self.run, self.state, slot)
 
     def overrun(self, slot: int, skipped: int) -> None:
-        """Stop if the loop slept through too many slots."""
+        """Stop if the loop skipped too many slots."""
         if skipped >= self.run.overrun_limit:
             begin_stop(self.run, self.state, self.axes, slot, OVERRUN, 0, skipped)
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop on the fault of a device (-1: a bus); return whether that is the first reason."""
-        self.bury(which)
+        self.mark_dead(which)
         first = begin_stop(self.run, self.state, self.axes, slot, FAULT, which, 0)
         self._complaint = sentence if first else self._complaint
         return first
 
-    def bury(self, which: int) -> None:
-        """Send an axis nothing any more: its device is in fault (-1: that of a whole bus, none)."""
+    def mark_dead(self, which: int) -> None:
+        """Send an axis no more effort: its device is in fault (-1: only its bus is known)."""
         if which >= 0:
             self.dead.add(which)
             self.axes[which].dead = True
 
-    def revive(self) -> None:
-        """Take all devices for sound: they were reset."""
+    def clear_dead(self) -> None:
+        """Clear the faults of all devices: they were reset."""
         self.dead.clear()
         for s in self.axes:
             s.dead = False
@@ -268,7 +268,7 @@ class CoupledControl(Control):
         return self._view
 
     def step(self, slot: int, skipped: int) -> bool:
-        """Close, exchange and think, or engage; return False if the run must not begin."""
+        """Close, exchange and decide, or engage; return False if the run must not begin."""
         begun = run_cycle(self.run, self.state, self.view, slot, skipped, self.steps)
         if self.wire is not None:
             self.wire.carry(self.table)

@@ -28,7 +28,7 @@ class Goal:
         self.place = self.sent = math.nan
 
     def clear(self) -> None:
-        """Forget where the device is."""
+        """Discard the device's position."""
         self.place = self.sent = math.nan
 
     def take(self, state: JointState) -> JointState:

@@ -1,4 +1,4 @@
-"""The control loop: sense, close, think, act, record, sleep. One thread, absolute deadlines.
+"""The control loop: sense, close, decide, act, record, sleep. One thread, absolute deadlines.
 
 Whatever ends it (time, Ctrl-C, a limit, a fault, a bug), the last commands are each axis' safe
 command, then `disable`, then `close`: the one guarantee of this file.

@@ -164,7 +164,7 @@ class Recorder:
         self._ring.words[words.BEGUN] = now_ns
 
     def tell(self, text: str) -> None:
-        """Leave news for viewers; they see the last ones only."""
+        """Put a message for viewers in place of the last one."""
         self._ring.tell(text)
 
     @property

@@ -109,7 +109,7 @@ class Ring:
         self._error[:] = encoded.ljust(ERROR_BYTES, b"\0")
 
     def tell(self, text: str) -> None:
-        """Leave news for viewers, in place of those before."""
+        """Put a message for viewers in place of the last one."""
         if self._closed:
             return
         count = self.words[NEWS]

@@ -1,4 +1,4 @@
-"""Look at the rows of a run in progress, from another process, without its noticing.
+"""Read the rows of a run in progress from another process, without disturbing it.
 
 The recording's ring is mapped read-only through its writer's descriptor. Nothing is written, so a
 viewer that is slow, stopped or killed costs the run nothing; it only misses rows, and counts them.
@@ -127,7 +127,7 @@ class Tap:
         return first, b"".join(copied)
 
     def news(self) -> str:
-        """Return what the loop said last, '' if nothing; never half of it."""
+        """Return the loop's last whole message, '' if there is none."""
         before = self._words[words.NEWS]
         text = self._memory[words.NEWS_AT : words.NEWS_AT + words.NEWS_BYTES]
         if before % 2 == 0 and self._words[words.NEWS] == before:

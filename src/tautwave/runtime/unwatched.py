@@ -1,4 +1,4 @@
-"""What no watchdog guards, and what may still be enabled: said the same way for every driver."""
+"""Sentences on devices without a watchdog and on those that may be left enabled, for any driver."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class MayBeEnabledError(DeviceFault):
-    """A device did not confirm that it is off: nothing else is to be tried."""
+    """A device did not confirm that it is off; nothing else may be tried."""
 
 
 class LeftDevices(Protocol):
@@ -68,7 +68,7 @@ def refuse_enabled(buses: Sequence[LoopBus], ended: BaseException | None) -> Non
 
 
 def _own(bus: LeftDevices, name: str) -> str:
-    """Return what ends the torque of a device that is not reached."""
+    """Return what switches off the torque of a device that cannot be reached."""
     seconds = bus.watchdog_s.get(name)
     if seconds is None:
         return "nothing stops it by itself; cut its power"

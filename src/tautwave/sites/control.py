@@ -168,7 +168,7 @@ class Channel:
         return self._message()
 
     def _more(self, timeout_s: float) -> bool:
-        """Read what is there; return whether there was anything."""
+        """Read available bytes; return whether there were any."""
         self._connection.settimeout(timeout_s)
         try:
             more = self._connection.recv(4096)
@@ -194,13 +194,13 @@ class Channel:
         return message
 
     def refuse(self, why: str) -> None:
-        """Say why nothing comes of it, and close."""
+        """Send the reason of a refusal, and close."""
         with suppress(LinkError):
             self.send(_refusal(why))
         self.close()
 
     def turn_away(self, theirs: str, ours: str, *, for_now: bool = False) -> Generator[Wish]:
-        """Say why nothing comes of it, or not `for_now`; once it is read, raise it as ours."""
+        """Send the reason of a refusal (`for_now`: it may pass); once it is read, raise it."""
         self.send(_refusal(theirs, for_now=for_now))
         yield from _leave(self._connection)
         raise LinkError(f"{self.where}: {ours}")
@@ -333,7 +333,7 @@ def _agree(
 
 
 def _leave(secured: ssl.SSLSocket) -> Generator[Wish]:
-    """Let the other side read why: closing with its bytes unread would take that back."""
+    """Let the other side read the reason: closing with its bytes unread would discard it."""
     with suppress(OSError):  # and with it a TimeoutError thrown in: that was all the time there is
         secured.shutdown(socket.SHUT_WR)  # from here on it reads what comes, not TLS
         while True:
@@ -409,7 +409,7 @@ def _bytes(message: Mapping[str, Any], key: str, size: int) -> bytes | None:
 
 
 def _heed(message: Mapping[str, Any], where: str) -> None:
-    """Raise what a refusal says."""
+    """Raise the reason that a refusal gives."""
     if "refused" in message:
         kind = LinkError if message.get("for_now") is True else RefusedError
         raise kind(f"{where}: refused: {message['refused']}")
@@ -420,7 +420,7 @@ def _refusal(why: str, *, for_now: bool = False) -> dict[str, Any]:
 
 
 def _objection(message: Mapping[str, Any], shared: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return why a first message makes no session, as the other side and as this one says it."""
+    """Return why a first message is refused, worded for the other side and for this one."""
     version = message.get("protocol")
     if version != PROTOCOL:
         return (
@@ -445,7 +445,7 @@ def _table(message: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _is_refusal(err: BaseException | None) -> bool:
-    """Return whether an error of TLS says no; a connection that only ends does not."""
+    """Return whether an error of TLS is a refusal, not a connection that only ended."""
     ended = (ssl.SSLEOFError, ssl.SSLZeroReturnError, ssl.SSLSyscallError)
     return isinstance(err, ssl.SSLError) and not isinstance(err, ended)
 

@@ -1,4 +1,4 @@
-"""The process beside the loop that finds the other site, agrees with it, and hears when it leaves.
+"""The process beside the loop that finds the other site, agrees on a session, and sees it leave.
 
 `python -m tautwave.sites.desk FD < ORDER.json`: FD is one end of a pair of local sockets, on which
 every packet is one message of JSON. To the loop: `joined` (a session), `lost` (why), `peer` (a
@@ -45,7 +45,7 @@ MAX_BYTES = 65536
 
 
 class Order(NamedTuple):
-    """What a desk has to know; `keys` is a directory, `shared` and `facts` as for `meeting`."""
+    """Order to this process; `keys` is a directory, `shared` and `facts` as for `meeting`."""
 
     site: str
     peer: str
@@ -118,7 +118,7 @@ class SessionProcess:
                 return
 
     def look(self, now: float) -> None:
-        """Count no time as silence of the other site in which this process stood still [s]."""
+        """Note the time [s]: while this process was suspended, the other site was not silent."""
         away, self._looked = now - self._looked, now
         if away > 2.0 * BEAT_S:
             self._heard += away
@@ -126,7 +126,7 @@ class SessionProcess:
     # -- the other site ---------------------------------------------------------------------
 
     def _taken(self) -> str:
-        """Return why no site can join now."""
+        """Return why no site can join at present."""
         if self._channel is None or self._looked - self._heard > SILENT_S:
             return ""
         return f"{self._order.peer} is already in a session here"
@@ -150,13 +150,13 @@ class SessionProcess:
         threading.Thread(target=work, daemon=True).start()
 
     def _done_with(self, outcome: Outcome) -> None:
-        """Hand over what came of a handshake; called in other threads."""
+        """Hand over the outcome of a handshake; called in other threads."""
         self._done.put(outcome)
         with suppress(OSError):
             self._wake.send(b"!")
 
     def _arrive(self) -> None:
-        """Take what came of handshakes."""
+        """Process the outcomes of handshakes."""
         while True:
             try:
                 outcome = self._done.get_nowait()
@@ -245,7 +245,7 @@ class SessionProcess:
 
 
 def main() -> int:
-    """Keep a desk for the process whose socket is argv[1]; its order comes on stdin."""
+    """Serve the process whose socket is argv[1]; its order comes on stdin."""
     local = socket.socket(fileno=int(sys.argv[1]))
     try:
         SessionProcess(Order(**json.load(sys.stdin)), local).run()

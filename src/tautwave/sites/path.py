@@ -41,7 +41,7 @@ class Asked(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Both ways of a path, and what came here."""
+    """Both directions of a path, and the arrivals here."""
 
     there: Way
     back: Way
@@ -49,7 +49,7 @@ class Found(NamedTuple):
 
     @property
     def depth_s(self) -> float:
-        """Return the play-out depth that 99 % of the worse way need [s]."""
+        """Return the play-out depth that covers 99 % of the worse direction [s]."""
         return max(self.there.depth, self.back.depth)
 
     @property

@@ -1,4 +1,4 @@
-"""How good a path between two sites is: both send at a rate and look at what comes.
+"""Quality of the path between two sites: both send at a rate and record what arrives.
 
 The delay of one way rests on two clocks whose offset is known to half the round trips; what
 varies in it, loss and order are known surely.
@@ -45,7 +45,7 @@ class Heard(NamedTuple):
 
 
 class Way(NamedTuple):
-    """One way of a path.
+    """One direction of a path.
 
     sent, lost, reordered: datagrams; longest: most lost in a row; delays [s]: least, median, p99,
     p99.9, greatest; unknown [s]: by how much all delays may be off, half the round trips;
@@ -117,7 +117,7 @@ def probe(port: DataPort, rate_hz: float, duration_s: float) -> Heard:
 
 
 def way_of(heard: Heard, sent: int) -> Way:
-    """Return what a way is like from what its receiving end heard of `sent` datagrams.
+    """Return the quality of a direction from what its receiving end heard of `sent` datagrams.
 
     Raises
     ------

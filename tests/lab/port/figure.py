@@ -1,4 +1,4 @@
-"""A held force over a minute, before and after: the port that goes limp, and the one that holds."""
+"""A held force over a minute, before and after: a starved port, and one that holds."""
 
 from __future__ import annotations
 

@@ -111,16 +111,16 @@ law_holds = 0
 
 
 def no_cover(s: AxisState, p: AxisParams, funds: float) -> None:
-    """Hold nothing."""
+    """Cover nothing: the law stores no energy of its own."""
 
 
 def nothing_held(s: AxisState) -> float:
-    """Hold nothing [J]."""
+    """Return 0, the energy that the law stores itself [J]."""
     return 0.0
 
 
 def effort_itself(s: AxisState, p: AxisParams, effort: float) -> float:
-    """Ask for no more with more to hold [N m or N]."""
+    """Return the effort unchanged: more funds would not change it [N m or N]."""
     return effort
 
 

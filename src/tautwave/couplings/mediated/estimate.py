@@ -83,7 +83,7 @@ class Fit:
 
 
 def begin_fit(s: Fit) -> None:
-    """Know nothing."""
+    """Begin without an estimate."""
     s.stiffness = 0.0
     s.damping = 0.0
     s.offset = 0.0
@@ -247,7 +247,7 @@ def clear(s: Surface) -> None:
 
 
 def begin_contact(s: Contact, x: float) -> None:
-    """Know nothing, touch nothing, at a position [rad or m]."""
+    """Begin without contact and without an estimate, at a position [rad or m]."""
     s.place = x
     s.effort = 0.0
     s.doubted = True

@@ -305,7 +305,7 @@ def keep(
 
 
 def learn_surface(s: AxisState, p: AxisParams, displacement: float, count: float) -> None:
-    """Observe the effort from outside, filter it with the motion, and learn."""
+    """Observe the external effort, filter it with the motion, and update the estimate."""
     e = s.end
     k = p.end
     at, velocity, push = observe(
@@ -347,7 +347,7 @@ def shown(s: AxisState) -> tuple[float, float]:
 
 
 def hear_surface(s: AxisState, p: AxisParams) -> None:
-    """Take what the far side tells of a surface; without stiffness it tells of none."""
+    """Store the surface that the far side reports; a stiffness of 0 reports none."""
     e = s.end
     k = p.end
     stiffness = k.read_stiffness * e.far_effort
@@ -368,7 +368,7 @@ def hear_surface(s: AxisState, p: AxisParams) -> None:
 
 
 def hear(surface: Surface, stiffness: float, damping: float, position: float) -> None:
-    """Know a surface as reported."""
+    """Store a surface as the far side reported it."""
     surface.stiffness = stiffness
     surface.damping = damping
     surface.position = position
@@ -404,7 +404,7 @@ def held(s: AxisState) -> float:
 
 
 def presses(e: MediatedEnd, effort: float) -> bool:
-    """Return whether a resisting effort presses a slave into what it touches, or knows of there."""
+    """Return whether a resisting effort presses a slave into a touched or known surface."""
     c = e.contact
     if effort < 0.0:
         return c.side > 0.0 or depth_in(c.above, 1.0, e.far_position) > 0.0
@@ -427,7 +427,7 @@ def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
 
 
 def whole(s: AxisState, p: AxisParams, effort: float) -> float:
-    """Return the resisting effort of the surfaces that are known, whoever pays for them [N m or N].
+    """Return the resisting effort of the known surfaces, covered or not [N m or N].
 
     No more than the slave may press with, given `effort`. A follower's, `effort`, needs no cover.
     """

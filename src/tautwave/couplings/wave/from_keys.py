@@ -19,7 +19,7 @@ from tautwave.laws.servo.follower import lag_damping
 WATCHED_S = 1.0
 """Time over which the share of cut waves is taken [s]."""
 
-LIMP_SHARE = 1e-3
+STARVED_SHARE = 1e-3
 """Of the waves' energy: between levers that stand, a loss of that share is the force in seconds."""
 
 EMPTY_SHARE = 1e-9
@@ -194,7 +194,7 @@ def end_constants(pair: WavePair, side: str, axis: CoupledAxis) -> WaveEndParams
         late=axis.late,
         delay=axis.delay,
         window=round(WATCHED_S / axis.period),
-        port_starved=LIMP_SHARE,
+        port_starved=STARVED_SHARE,
         empty=EMPTY_SHARE * port.reserve,
         position_debt=port.root * axis.velocity_limit * axis.period,
         patience=round(PATIENCE_S / axis.period),

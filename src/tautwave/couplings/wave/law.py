@@ -37,11 +37,11 @@ from tautwave.controller.records import (
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import Guard, Law, Rescaling, Steps
 from tautwave.couplings.wave.port import (
-    LIMP,
-    LIMP_COARSE,
-    LIMP_NOISY,
-    LIMP_PLAIN,
     PORT_OVERDRAWN,
+    PORT_STARVED,
+    PORT_STARVED_COARSE,
+    PORT_STARVED_NOISY,
+    PORT_STARVED_PLAIN,
     POSITION_DEBT,
     WaveEnd,
     WaveEndParams,
@@ -325,8 +325,8 @@ def fill_elements(out: Row, at: int, pair: PairView) -> int:
     return at
 
 
-def _limp(why: str) -> Guard:
-    """Return a lost coupling, and what most likely took the energy."""
+def _port_starved(why: str) -> Guard:
+    """Return the guard of a starved port; `why`: what most likely took the energy."""
     lost = "its port could not cover {found:.3g} % of the energy of the last second's waves"
     return Guard("port_starved", "lost its coupling", f"{lost}, {why}")
 
@@ -356,21 +356,21 @@ law = Law(
             "drew more energy than its port had",
             "the tank is {found:.3g} J in debt (limit {allowed:.3g} J)",
         ),
-        LIMP: _limp(
+        PORT_STARVED: _port_starved(
             "though its encoder is no noisier than declared: it is moved harder than its leak is "
             "made for, too many slots had no sample, or its motor does not follow its "
             "commands; check the limits, the effort_quantum and the inertia that the rig states"
         ),
-        LIMP_NOISY: _limp(
+        PORT_STARVED_NOISY: _port_starved(
             "because its positions jump more than the leak allows, in the last second like noise "
             "of {allowed:.2g} (SI) would: its encoder is noisier than position_noise, or of "
             "another colour (tautwave identify --noise measures it), or it vibrates against "
             "something stiffer than the rig states"
         ),
-        LIMP_COARSE: _limp(
+        PORT_STARVED_COARSE: _port_starved(
             "because its effort_quantum is above {allowed:.3g}, the coarsest that works here"
         ),
-        LIMP_PLAIN: _limp(
+        PORT_STARVED_PLAIN: _port_starved(
             "because work in one direction empties the tank of a plain port; give it a pole"
         ),
         POSITION_DEBT: Guard(

@@ -29,8 +29,8 @@ from tautwave.couplings.wave.law import fill_signals as fill_waves
 from tautwave.couplings.wave.law import law as line_law
 from tautwave.couplings.wave.law import start as line_start
 from tautwave.couplings.wave.port import (
-    LIMP,
     PORT_OVERDRAWN,
+    PORT_STARVED,
     POSITION_DEBT,
     WaveEnd,
     receive_wave,
@@ -545,7 +545,7 @@ def owed(
     return max(unsent, math.fabs(k.position * apart(newest, r.given)))
 
 
-DEBTS = frozenset((PORT_OVERDRAWN, LIMP, POSITION_DEBT))
+DEBTS = frozenset((PORT_OVERDRAWN, PORT_STARVED, POSITION_DEBT))
 """Guards of a port that cannot repay: what a silence of either site may leave."""
 
 site_laws = {

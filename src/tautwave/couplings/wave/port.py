@@ -124,11 +124,11 @@ class WaveLink:
 
 
 PORT_OVERDRAWN = OWN_GUARDS
-LIMP = OWN_GUARDS + 1
+PORT_STARVED = OWN_GUARDS + 1
 POSITION_DEBT = OWN_GUARDS + 2
-LIMP_NOISY = OWN_GUARDS + 3
-LIMP_COARSE = OWN_GUARDS + 4
-LIMP_PLAIN = OWN_GUARDS + 5
+PORT_STARVED_NOISY = OWN_GUARDS + 3
+PORT_STARVED_COARSE = OWN_GUARDS + 4
+PORT_STARVED_PLAIN = OWN_GUARDS + 5
 """Codes of the reasons to stop."""
 
 WHITE = 20.0
@@ -356,7 +356,7 @@ def watch_port(
 def judge_port(s: AxisState, k: WaveEndParams) -> None:
     """Judge the second that was watched: how much of the waves' energy the tank has cut.
 
-    A port is limp where that lasts for another second and is nearly all, or does not come back:
+    A port is starved where that lasts for another second and is nearly all, or does not come back:
     what it owes is more than the waves of a few periods, and as much as before, on average.
     """
     e = s.end
@@ -383,16 +383,16 @@ def judge_port(s: AxisState, k: WaveEndParams) -> None:
 def name_cause(s: AxisState, k: WaveEndParams) -> None:
     """Leave what most likely emptied the tank, from what is declared and from the last second."""
     e = s.end
-    s.alarm = LIMP
+    s.alarm = PORT_STARVED
     s.allowed = 100.0 * k.port_starved
     if k.step > k.coarse:
-        s.alarm = LIMP_COARSE
+        s.alarm = PORT_STARVED_COARSE
         s.allowed = k.coarse
     elif e.third_count > 0 and e.third_sum > k.noisy * e.third_count:
-        s.alarm = LIMP_NOISY
+        s.alarm = PORT_STARVED_NOISY
         s.allowed = math.sqrt(e.third_sum / (WHITE * e.third_count))
     elif k.observer.pole < 0.0 and k.port.half_mobility > 0.0:
-        s.alarm = LIMP_PLAIN
+        s.alarm = PORT_STARVED_PLAIN
 
 
 def brake(s: AxisState, p: AxisParams, effort: float) -> float:

@@ -101,7 +101,7 @@ class SideLoad:
             self.columns.append(f"load.{name}.changed")
 
     def drop(self, which: int) -> None:
-        """Forget where an axis is and what was sent to it: its device is opened, maybe anew."""
+        """Reset an axis' place and effort: its device is opened, perhaps again."""
         self._known[which] = False
         self._stride[which] = self._effort[which] = 0.0
         self._waiting[which] = deque([0.0] * self.axes[which].delay)
@@ -202,7 +202,7 @@ class SideLoad:
         return efforts, height
 
     def rest(self, which: int) -> None:
-        """Nothing is sent to an axis: it gets its safe command."""
+        """Note that nothing is sent to an axis: it gets its safe command."""
         self._effort[which] = 0.0
         self._resting.add(which)
 

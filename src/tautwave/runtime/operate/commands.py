@@ -51,7 +51,7 @@ class Order(NamedTuple):
 
 
 def unknown(word: str) -> str:
-    """Return why a command is none; an action that hands took would not have come so far."""
+    """Return why a command is unknown; actions for hands were taken before."""
     if word == LEAD:
         return (
             "not an action: write PAIR=POSITION, with finite positions of the "
@@ -66,7 +66,7 @@ def in_full(order: Order) -> Order:
 
 
 class Source(Protocol):
-    """Something that commands come from."""
+    """A source of commands."""
 
     def take(self, now_ns: int) -> Sequence[Order]:
         """Return what has come up to now [ns since the start]; never waits."""
@@ -152,7 +152,7 @@ class Descriptor:
 
 
 def read_keys(data: bytes) -> Sequence[Order]:
-    """Return the commands of typed keys; others mean nothing."""
+    """Return the commands of typed keys; other keys are ignored."""
     return [Order(KEYS[key], "", "key") for key in data.decode("ascii", "ignore") if key in KEYS]
 
 

@@ -24,7 +24,7 @@ class Operation(NamedTuple):
     scales: Mapping[float, tuple[Sequence[AxisParams], Sequence[PairParams]]] = {}
 
     def called(self, text: str) -> float | None:
-        """Return the scale that a person means, None if there is none."""
+        """Return the scale of that name, None if there is none."""
         try:
             wanted = f"{float(text):g}"
         except ValueError:

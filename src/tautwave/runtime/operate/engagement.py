@@ -38,7 +38,7 @@ def begin_session(
 
 
 def end_session(control: CoupledControl, loads: Sequence[SideLoad] = ()) -> None:
-    """Forget everything that the coupling stored; offsets stay."""
+    """Reset the coupling's state; offsets stay."""
     for load in loads:
         load.disengage()
     law = control.law
@@ -61,7 +61,7 @@ def end_session(control: CoupledControl, loads: Sequence[SideLoad] = ()) -> None
 
 
 def drop_commands(control: CoupledControl) -> None:
-    """Forget commands on their way: the devices were without torque, and none of them acted."""
+    """Discard commands on their way: the devices were without torque, and none of them acted."""
     for s, p in zip(control.axes, control.params, strict=True):
         control.table[p.pipe : p.pipe + PIPE * p.delay] = [0.0] * (PIPE * p.delay)
         s.missing = 0

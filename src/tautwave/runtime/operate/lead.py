@@ -16,7 +16,7 @@ MISSED_FRAMES = 3
 
 
 class Lead:
-    """What one virtual hand wants. Before its first action it holds where it stands.
+    """Reference of one virtual hand. Before its first action it holds where it stands.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Lead:
 
     @property
     def stale(self) -> bool:
-        """Whether actions came, and no more do."""
+        """Whether actions have stopped coming."""
         limit = (MISSED_FRAMES + 1e-6) * self._params.frame
         return self._age is not None and self._age > limit
 
@@ -57,7 +57,7 @@ class Lead:
 
 
 class Pointed(Lead):
-    """What a hand wants that the pointer of a page leads; without word of it the hand lets go.
+    """Reference of a hand that a page's pointer leads; it lets go when the pointer is silent.
 
     Before the first word it holds where it stands, or grains would throw it out of its range
     before a person has opened the page. Where it has let go, it is an end stop at both ends of the
@@ -89,7 +89,7 @@ class Pointed(Lead):
 
     @property
     def stale(self) -> bool:
-        """Whether there is no pointer, or no word of it any more."""
+        """Whether there is no pointer, or it is silent."""
         return self._age is None or self._age > self._timeout
 
     def let_go(self) -> None:

@@ -72,18 +72,18 @@ class MotorHand(Lead):
 
     @property
     def reference(self) -> float:
-        """Where it wants to be [rad or m]."""
+        """Reference [rad or m]."""
         return self._reference
 
     @property
     def stale(self) -> bool:
-        """Whether it leads, and actions that came do so no more, or it may give no more."""
+        """Whether it leads, and actions have stopped coming or its allowance is spent."""
         p = self.axis.hand
         spent = is_spent(p.law, self.given - self._since, p.allowance)
         return self._leads and (super().stale or spent)
 
     def want(self, position: float) -> None:
-        """Take an action [rad or m]; while a person leads, or nobody does, it means nothing."""
+        """Take an action [rad or m]; it is ignored while a person leads, or nobody does."""
         if self._leads:
             super().want(position)
 
@@ -125,7 +125,7 @@ class MotorHand(Lead):
         self._armed = True
 
     def _let_go(self, position: float) -> None:
-        """Lose the grip, and come to rest with it; without one, be where the device is."""
+        """Lower the grip and come to rest with it; without a grip, be where the device is."""
         release = self.axis.hand.release
         if self._grip > release:
             self._rate *= 1.0 - release / self._grip
@@ -138,19 +138,19 @@ class MotorHand(Lead):
             self._reference = position
 
     def _quicken(self, slots: int) -> None:
-        """Let the reference be faster, up to its own limit."""
+        """Raise the reference's speed limit, up to its own."""
         lead, now = self.axis.lead, self._params.velocity
         if now < lead.velocity:
             now += self.axis.acceleration * slots * self._period
             self._params = lead._replace(velocity=min(now, lead.velocity))
 
     def send(self) -> float:
-        """Return the effort to send in this slot, once: what was not decided anew is not sent."""
+        """Return the effort to send in this slot; each decided effort is sent once."""
         armed, self._armed = self._armed, False
         return self.effort if armed else 0.0
 
     def rest(self) -> None:
-        """Nothing is sent to the device: it gets its safe command."""
+        """Note that nothing is sent to the device: it gets its safe command."""
         self.effort = 0.0
         self._armed = False
 
@@ -208,7 +208,7 @@ class LedMasters(Leads):
         return self._person or super().held()
 
     def switch(self, word: str) -> str:
-        """Let the other one lead; return why not, or ''."""
+        """Hand the lead to the person or to the policy; return why not, or ''."""
         person = word == TAKE_OVER
         if person == self._person:
             return leads_already(word)

@@ -331,7 +331,7 @@ class OperatedControl(CoupledControl):
                 return
 
     def _forgive(self, *, device: bool) -> None:
-        """Turn what would end a run into a hold that a person may end."""
+        """Turn a reason to end the run into a hold that a person may end."""
         error = stop_error(self.run, self.state, self.names, self.params, self.pairs, self.law)
         forget_stop(self.state, self.run.cycles)
         self._suspect = self._suspect or device
@@ -343,7 +343,7 @@ class OperatedControl(CoupledControl):
             return super().fault(slot, which, sentence)
         self._now = slot
         self._suspect = True
-        self.bury(which)
+        self.mark_dead(which)
         self._event(st.FAULT, sentence)
         return False
 
@@ -364,7 +364,7 @@ class OperatedControl(CoupledControl):
         self._bank()
         self._clear_energies()
         self._suspect = False
-        self.revive()
+        self.clear_dead()
         self._seated = [False] * len(self._seated)
         drop_commands(self)
         self.standing = st.Standing()
@@ -383,7 +383,7 @@ class OperatedControl(CoupledControl):
                 self._outside[k] += self._now_outside(k)
 
     def _count_anew(self) -> None:
-        """Begin the budgets of a new state at 0."""
+        """Reset the energy budgets for a new state."""
         self._bank()
         self._clear_energies()
 

@@ -1,1 +1,1 @@
-"""Changing numbers of a run while it goes on: the desk they come over, and the knobs they turn."""
+"""Tuning of a run while it goes on: the shared page for values, and the knobs they turn."""

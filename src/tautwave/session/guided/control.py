@@ -138,7 +138,7 @@ class GuidedControl(Control):
         """Stop on the fault of a device; after a silence it is what was waited for."""
         if not self._was_silent:
             return super().fault(slot, which, sentence)
-        self.bury(which)
+        self.mark_dead(which)
         if which >= 0:
             self.faults.setdefault(self.names[which].name, sentence)
         return False

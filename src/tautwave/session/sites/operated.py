@@ -348,7 +348,7 @@ class OperatedSite(SiteControl):
             return super().fault(slot, which, sentence)
         self._slot = slot
         self._suspect = True
-        self.bury(which)
+        self.mark_dead(which)
         self._event(st.FAULT, sentence)
         return False
 
@@ -365,7 +365,7 @@ class OperatedSite(SiteControl):
             self._event(st.FAULT, f"the devices have not recovered: {refusal}")
             return
         self._suspect = False
-        self.revive()
+        self.clear_dead()
         self._count_anew()
         self._meeting.rest.unseat()
         drop_commands(self)

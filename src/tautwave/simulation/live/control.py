@@ -176,7 +176,7 @@ class CompiledControl(Control):
 
     def fault(self, slot: int, which: int, sentence: str) -> bool:
         """Stop in this cycle since a device said so; return whether no reason is known yet."""
-        self.bury(which)
+        self.mark_dead(which)
         if self._results[self._kind] != FINISHED or self._fault >= 0:
             return False
         self._fault = self._last

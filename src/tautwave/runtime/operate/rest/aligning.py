@@ -70,7 +70,7 @@ class Alignment:
         self._limit = self._ways = 0
 
     def clear(self) -> None:
-        """Pull no more."""
+        """Stop pulling."""
         self.pulls = {}
         self.let_go = 0
 
@@ -102,7 +102,7 @@ class Alignment:
 
     def is_late(self, slot: int) -> bool:
         """Return whether it has taken too long, or cannot be done."""
-        gone = self.let_go > 0 and bool(self._astray())
+        gone = self.let_go > 0 and bool(self._mismatched())
         return slot > self._limit or self._ways >= MAX_WAYS or bool(self._refused) or gone
 
     def arrived(self, slot: int) -> bool:
@@ -114,7 +114,7 @@ class Alignment:
             return True
         if not (all(self._there(k) for k in self.pulls) and self._is_still(slot)):
             return False
-        if self._astray():
+        if self._mismatched():
             self._ways += 1
             if self._ways < MAX_WAYS:
                 self._limit = 0
@@ -142,7 +142,7 @@ class Alignment:
     ) -> str:
         """Say why the pairs `names` cannot engage."""
         far = [k for k in self.pulls if not self._there(k)]
-        if self.let_go and (gone := self._astray()):
+        if self.let_go and (gone := self._mismatched()):
             moved = ", ".join(names[k] for k in gone)
             return f"{moved} not aligned: it moved while everything was released"
         for k, why in self._refused.items():
@@ -164,7 +164,7 @@ class Alignment:
             for k, q in ((k, self.pairs[k]) for k in self._params)
         }
 
-    def _astray(self) -> list[int]:
+    def _mismatched(self) -> list[int]:
         """Return the pairs whose mismatch is more than they engage at."""
         return [k for k, gap in self._gaps().items() if abs(gap) > self.pairs[k].tolerance]
 
