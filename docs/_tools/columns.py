@@ -11,8 +11,8 @@ def columns_page() -> str:
     parts = [
         "# Row columns\n",
         "One row is recorded per cycle. `read_recording` gives each column as a NumPy array;"
-        " Foxglove and PlotJuggler show the same names as topics. SIDE is `master` or `slave`;"
-        " AXIS, PAIR, PORT and NODE are names of the rig. Units follow the axis, rotary first."
+        " Foxglove and PlotJuggler show the same names as topics. SIDE is `master` or `slave`,"
+        " ARM that or, of several, such as `slave.left`; AXIS, PAIR, PORT and NODE are names of the rig. Units follow the axis, rotary first."
         " A rig records only the columns of what it has.\n",
     ]
     for title, columns in sections().items():

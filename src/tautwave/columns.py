@@ -12,7 +12,10 @@ from typing import NamedTuple
 
 
 class Column(NamedTuple):
-    """A kind of column: SIDE is master or slave, AXIS, PAIR and others are names of the rig."""
+    """A kind of column: SIDE is master or slave, AXIS, PAIR and others are names of the rig.
+
+    ARM is a side or, of several arms, a full name such as `master.left`.
+    """
 
     name: str
     unit: str

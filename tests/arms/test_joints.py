@@ -196,7 +196,7 @@ def test_limits_wider_than_the_files_are_said_with_joint_and_number(
     given = tuple(value) if isinstance(value, list) else value
     axes["lift"] = axes["lift"].model_copy(update={key: given})
     rig = rig.model_copy(update={"slave": rig.slave.model_copy(update={"axes": axes})})
-    wider = beyond_file(rig, "slave")
+    wider = beyond_file(rig, rig.arms("slave")[0])
     assert wider == ([f"slave.lift has {said}"] if said else [])
     facts = dict(load_facts(rig, command_delays(rig)))
     assert ("limits of slave" in facts) == bool(said)
@@ -206,5 +206,6 @@ def test_limits_wider_than_the_files_are_said_with_joint_and_number(
 def test_a_placeholder_limits_nothing(tmp_path: Path, limit: str) -> None:
     path = urdf(tmp_path)
     path.write_text(path.read_text().replace('lower="-1" upper="1" effort="9" velocity="3"', limit))
-    assert beyond_file(rig_of(tmp_path, JOINTS, {"urdf": "arm.urdf"}), "slave") == []
+    rig = rig_of(tmp_path, JOINTS, {"urdf": "arm.urdf"})
+    assert beyond_file(rig, rig.arms("slave")[0]) == []
     assert all(math.isinf(one.upper - one.lower) for one in read_urdf(path).limits)

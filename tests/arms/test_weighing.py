@@ -151,7 +151,7 @@ def test_an_arm_is_weighed_by_its_own_servos(tmp_path: Path) -> None:
         for keys in (arm, slave.arm, arm.model_copy(update={"dh": tuple(found)}))
     ]
     before, after = [], []
-    for q in list(postures(joint_ranges(truth, "slave", arm)))[-300:]:
+    for q in list(postures(joint_ranges(truth, truth.arms("slave")[0])))[-300:]:
         narrow = [0.5 * at for at in q]
         weights = []
         for chain in chains:

@@ -91,7 +91,7 @@ _NOT_NOISE = (
     "--chain",
     metavar="URDF",
     help="RECORDING: instead, find the masses of a whole arm from its motion and motor efforts; a "
-    "URDF file, or master or slave: the arm of a run's own rig.",
+    "URDF file, or an arm of a run's own rig: master, slave or, of several, such as slave.left.",
 )
 @click.option("--tip", metavar="LINK", help="RECORDING, --chain: last link of the arm in the URDF.")
 @click.option(

@@ -29,7 +29,6 @@ from tautwave.config.keys.simulation import (
     Recording,
     Simulation,
 )
-from tautwave.config.pieces import SIDES
 from tautwave.config.text.document import Document, show_path
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.contracts import AxisFacts, DriverPlugin
@@ -181,8 +180,8 @@ def _complete_simulation(
     motions = imposed_motions(rig, plugins)
     starts = recorded_starts(rig.coupling.pairs, simulation, motions)
     axes = {name: _complete_axis(rig, name, starts, name in motions) for name in rig.axes}
-    arms = {side: arm for side in SIDES if (arm := true_arm(rig, side)) is not None}
-    arms = {side: Chain(**_chain_of(arm)) for side, arm in arms.items()}
+    true = dict(arm for axis in rig.axes if (arm := true_arm(rig, axis)) is not None)
+    arms = {name: Chain(**_chain_of(arm)) for name, arm in true.items()}
     return simulation.model_copy(update={"axes": axes, "arms": arms})
 
 

@@ -21,6 +21,8 @@ _PATTERNS = {
     r"^[A-Za-z_][A-Za-z0-9_-]*$": "a name has letters, digits, _ and -, and begins with a letter",
     r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-]*$": "use the full axis name here, such as "
     "master.wrist or slave.wrist",
+    r"^(master|slave)(\.[A-Za-z_][A-Za-z0-9_-]*)?$": "use master or slave here or, for one of "
+    "several arms, its full name, such as master.left",
 }
 
 

@@ -211,12 +211,12 @@ SECTIONS = {
     "What carries a load": (
         Column("load.SIDE.AXIS.effort", "N m, N", "sent beside the coupling's, along the position"),
         Column("load.SIDE.AXIS.energy", "J", "absorbed by it from the device; negative: supplied"),
-        Column("load.SIDE.potential", "J", "what the side's loads hold more than at the start"),
-        Column("load.SIDE.leak", "J", "all of that energy with the potential's change"),
-        Column("load.SIDE.given", "J", "most that was given at any time beyond the potential"),
         Column(
-            "load.SIDE.changed", "J", "put into the potential by payload changes and felt ramps"
+            "load.ARM.potential", "J", "what the loads of a side or arm hold more than at the start"
         ),
+        Column("load.ARM.leak", "J", "all of that energy with the potential's change"),
+        Column("load.ARM.given", "J", "most that was given at any time beyond the potential"),
+        Column("load.ARM.changed", "J", "put into the potential by payload changes and felt ramps"),
     ),
     "A simulated arm": (
         Column("joints.SIDE.JOINT.position", "rad, m", "driver `arm`: a joint behind the tip"),

@@ -45,7 +45,8 @@ def balance_of(run: Run, axis: str, keys: Mapping[str, Any]) -> SensorBalance | 
     An axis that carries a load is left out: what its motor holds is not known here.
     """
     side = axis.split(".", maxsplit=1)[0]
-    loaded = keys.get("load") is not None or block(run.rig, side, "arm")
+    arms = block(run.rig, side, "arm") or block(run.rig, side, "arms")
+    loaded = keys.get("load") is not None or arms
     names = [f"{axis}.{what}" for what in ("position", "commanded", "measured_effort", "valid")]
     if loaded or keys.get("effort_sensor") is None or not set(names) <= set(run.columns):
         return None

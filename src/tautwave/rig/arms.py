@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from tautwave.config import Rig, TrueLoad, axis_damper, local_wall
 from tautwave.config.inputs.chains import chain_constants, chain_links
-from tautwave.config.keys.arm import Arm, Chain, Payload
+from tautwave.config.keys.arm import Arm, Chain, Payload, SideArm
 from tautwave.errors import ConfigError
 from tautwave.models.chain.gravity import chain_gravity, gravity_stiffness
 from tautwave.models.chain.kinematics import chain_frames
@@ -45,12 +45,12 @@ def arm_axes(rig: Rig, side: str) -> list[str]:
 
 def joint_names(rig: Rig, side: str) -> dict[str, str]:
     """Return the joint that each axis of a side is, by its full name; {} without an arm."""
-    keys = getattr(rig, side).arm
-    if keys is None:
-        return {}
-    links, _ = chain_links(keys)
-    joints = [link.name for link in links if link.kind != "fixed"]
-    return dict(zip(arm_axes(rig, side), joints, strict=True))
+    names: dict[str, str] = {}
+    for arm in rig.arms(side):
+        links, _ = chain_links(arm.keys)
+        joints = [link.name for link in links if link.kind != "fixed"]
+        names.update(zip(arm.axes, joints, strict=True))
+    return names
 
 
 def bare_chain(keys: Chain, payload: Payload | None) -> Chain:
@@ -75,11 +75,11 @@ def _constants(keys: Chain) -> ChainParams:
     return chain_constants(keys)
 
 
-def joint_ranges(rig: Rig, side: str, keys: Chain) -> list[tuple[float, float]]:
+def joint_ranges(rig: Rig, arm: SideArm) -> list[tuple[float, float]]:
     """Return where each joint may be [rad or m]: its axis' range, else the file's, else a turn."""
-    _, limits = chain_links(keys)
+    _, limits = chain_links(arm.keys)
     ranges = []
-    for name, limit in zip(arm_axes(rig, side), limits, strict=True):
+    for name, limit in zip(arm.axes, limits, strict=True):
         given = rig.axes[name].position_range
         if given is None:
             turn = math.pi if rig.axes[name].kind == "rotary" else 0.0
@@ -91,18 +91,17 @@ def joint_ranges(rig: Rig, side: str, keys: Chain) -> list[tuple[float, float]]:
     return ranges
 
 
-def beyond_file(rig: Rig, side: str) -> list[str]:
+def beyond_file(rig: Rig, arm: SideArm) -> list[str]:
     """Return a sentence for each limit of an axis that is wider than its joint's in the URDF file.
 
     Such an axis may be driven into what the file's author keeps it from: an end stop, a gear's or
     a motor's limit.
     """
-    keys = getattr(rig, side).arm
-    if keys is None or keys.urdf is None:
+    if arm.keys.urdf is None:
         return []
-    _, limits = chain_links(keys)
+    _, limits = chain_links(arm.keys)
     sentences = []
-    for name, limit in zip(arm_axes(rig, side), limits, strict=True):
+    for name, limit in zip(arm.axes, limits, strict=True):
         axis = rig.axes[name]
         place, effort = ("rad", "N m") if axis.kind == "rotary" else ("m", "N")
         low, high = axis.position_range or (-math.inf, math.inf)
@@ -135,18 +134,16 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
 
     What the master feels of the slave's loads counts as its own.
     """
-    keys = getattr(rig, side).arm
-    by_axis = {}
-    if keys is not None:
-        ranges = tuple(joint_ranges(rig, side, keys))
-        each = [greatest_weights(one, ranges) for one in each_payload(keys)]
+    by_axis: dict[str, float] = {}
+    for arm in rig.arms(side):
+        ranges = tuple(joint_ranges(rig, arm))
+        each = [greatest_weights(one, ranges) for one in each_payload(arm.keys)]
         most = [max(values) for values in zip(*each, strict=True)]
-        by_axis = dict(zip(arm_axes(rig, side), most, strict=True))
-    else:
-        for name in arm_axes(rig, side):
-            load = rig.axes[name].load
-            if load is not None:
-                by_axis[name] = greatest_load(load_params(load), rig.axes[name].position_range)
+        by_axis.update(zip(arm.axes, most, strict=True))
+    for name in arm_axes(rig, side):
+        load = rig.axes[name].load
+        if load is not None:
+            by_axis[name] = greatest_load(load_params(load), rig.axes[name].position_range)
     if side == "master" and felt_axes(rig):
         theirs = _felt_loads(rig)
         for name, slave in felt_axes(rig).items():
@@ -156,12 +153,22 @@ def greatest_loads(rig: Rig, side: str) -> dict[str, float]:
 
 def _felt_loads(rig: Rig) -> dict[str, float]:
     """Return the greatest load that the hand may feel [N m or N], by the slave's axis."""
-    arm, ranges, alone = rig.slave.arm, felt_ranges(rig), greatest_loads(rig, "slave")
-    if arm is not None:
-        most = greatest_weights(bare_chain(arm, arm.payload), tuple(ranges.values()))
-        return {n: max(alone[n], one) for n, one in zip(ranges, most, strict=True)}
-    loads = {name: rig.axes[name].load for name in ranges}
-    return {n: greatest_load(load_params(load), ranges[n]) for n, load in loads.items() if load}
+    ranges, alone = felt_ranges(rig), greatest_loads(rig, "slave")
+    felt: dict[str, float] = {}
+    for arm in felt_arms(rig):
+        places = tuple(ranges[name] for name in arm.axes)
+        most = greatest_weights(bare_chain(arm.keys, arm.keys.payload), places)
+        felt.update({n: max(alone[n], one) for n, one in zip(arm.axes, most, strict=True)})
+    for name in ranges:
+        load = rig.axes[name].load
+        if load is not None:
+            felt[name] = greatest_load(load_params(load), ranges[name])
+    return felt
+
+
+def felt_arms(rig: Rig) -> tuple[SideArm, ...]:
+    """Return the arms of the slave whose weight the hand may feel."""
+    return tuple(a for a in rig.arms("slave") if a.keys.compensate and a.keys.reflect_load)
 
 
 def felt_ranges(rig: Rig) -> dict[str, tuple[float, float]]:
@@ -170,11 +177,15 @@ def felt_ranges(rig: Rig) -> dict[str, tuple[float, float]]:
     That is its own range; on an operated rig it is wider by how far the master can move on while
     the weight fades.
     """
-    arm, pairs = rig.slave.arm, felt_axes(rig)
-    given = [rig.axes[name].position_range or (-math.pi, math.pi) for name in pairs.values()]
-    ranges = given if arm is None else joint_ranges(rig, "slave", arm)
+    in_arms = {
+        name: places
+        for arm in felt_arms(rig)
+        for name, places in zip(arm.axes, joint_ranges(rig, arm), strict=True)
+    }
     by_slave = {}
-    for (master, slave), (low, high) in zip(pairs.items(), ranges, strict=True):
+    for master, slave in felt_axes(rig).items():
+        given = rig.axes[slave].position_range or (-math.pi, math.pi)
+        low, high = in_arms.get(slave, given)
         if rig.operate is not None:
             turn = math.pi if rig.axes[master].kind == "rotary" else 0.0
             first, last = rig.axes[master].position_range or (-turn, turn)
@@ -186,13 +197,12 @@ def felt_ranges(rig: Rig) -> dict[str, tuple[float, float]]:
 
 def felt_axes(rig: Rig) -> dict[str, str]:
     """Return the master's axes on which the hand feels a load of the slave, with the slave's."""
-    arm = rig.slave.arm
-    names = own_carried(rig, "slave")
-    if arm is None:
-        loads = {name: rig.axes[name].load for name in names}
-        names = [name for name, load in loads.items() if load is not None and load.reflect_load]
-    elif not arm.reflect_load:
-        names = []
+    arms = {name for arm in felt_arms(rig) for name in arm.axes}
+    names = []
+    for name in own_carried(rig, "slave"):
+        load = rig.axes[name].load
+        if name in arms or (load is not None and load.reflect_load):
+            names.append(name)
     return {name.replace("slave", "master", 1): name for name in names}
 
 
@@ -237,12 +247,24 @@ def carried_axes(rig: Rig, side: str) -> list[str]:
 
 def own_carried(rig: Rig, side: str) -> list[str]:
     """Return the axes of a side whose own loads are carried, from base to tip."""
-    arm = getattr(rig, side).arm
-    names = arm_axes(rig, side)
-    if arm is not None:
-        return names if arm.compensate else []
-    loads = {name: rig.axes[name].load for name in names}
-    return [name for name, load in loads.items() if load is not None and load.compensate]
+    arms = {name for arm in rig.arms(side) if arm.keys.compensate for name in arm.axes}
+    names = []
+    for name in arm_axes(rig, side):
+        load = rig.axes[name].load
+        if name in arms or (load is not None and load.compensate):
+            names.append(name)
+    return names
+
+
+def load_groups(rig: Rig, side: str) -> dict[str, list[str]]:
+    """Return the axes of a side whose loads are carried, or felt, together: those of each arm.
+
+    They are by the arm's name, or by the side's where it has none.
+    """
+    carried = carried_axes(rig, side)
+    groups = {arm.name: arm.axes for arm in rig.arms(side)} or {side: tuple(carried)}
+    each = {name: [axis for axis in carried if axis in axes] for name, axes in groups.items()}
+    return {name: axes for name, axes in each.items() if axes}
 
 
 def without_carrying(rig: Rig) -> Rig:
@@ -259,7 +281,10 @@ def without_carrying(rig: Rig) -> Rig:
             for key, axis in side.axes.items()
         }
         arm = side.arm and side.arm.model_copy(update={"compensate": False})
-        sides[name] = side.model_copy(update={"axes": axes, "arm": arm})
+        arms = side.arms and {
+            name: one.model_copy(update={"compensate": False}) for name, one in side.arms.items()
+        }
+        sides[name] = side.model_copy(update={"axes": axes, "arm": arm, "arms": arms})
     return rig.model_copy(update=sides)
 
 
@@ -314,26 +339,23 @@ def _lighter(load: float, limit: float) -> str:
 @once_per_rig
 def load_stiffnesses(rig: Rig, side: str) -> dict[str, float]:
     """Return how fast each carried load changes at most [N m/rad]: bounds, in any posture."""
-    names = own_carried(rig, side)
-    arm = getattr(rig, side).arm
-    stiffnesses = {}
-    if names and arm is None:
-        loads = {name: rig.axes[name].load for name in names}
-        stiffnesses = {
-            name: load_stiffness(load_params(load)) for name, load in loads.items() if load
-        }
-    elif names:
-        stiffnesses = _arm_stiffnesses(
-            arm, dict(zip(names, joint_ranges(rig, side, arm), strict=True))
+    loads = {name: rig.axes[name].load for name in own_carried(rig, side)}
+    stiffnesses = {name: load_stiffness(load_params(load)) for name, load in loads.items() if load}
+    for arm in rig.arms(side):
+        if not arm.keys.compensate:
+            continue
+        bounds = _arm_stiffnesses(
+            arm.keys, dict(zip(arm.axes, joint_ranges(rig, arm), strict=True))
         )
-        has = tuple(carrying_damping(rig, name) for name in names)
+        has = tuple(carrying_damping(rig, name) for name in arm.axes)
         asked = SPARING * rig.period_s
-        if any(asked * h > one for h, one in zip(stiffnesses.values(), has, strict=True)):
-            stiffnesses = _spared_stiffnesses(arm, stiffnesses, has)
+        if any(asked * h > one for h, one in zip(bounds.values(), has, strict=True)):
+            bounds = _spared_stiffnesses(arm.keys, bounds, has)
+        stiffnesses.update(bounds)
     if side == "master" and felt_axes(rig):
-        theirs = load_stiffnesses(rig, "slave")
-        if rig.slave.arm is not None:
-            theirs = _arm_stiffnesses(rig.slave.arm, felt_ranges(rig))
+        theirs, ranges = dict(load_stiffnesses(rig, "slave")), felt_ranges(rig)
+        for arm in felt_arms(rig):
+            theirs.update(_arm_stiffnesses(arm.keys, {name: ranges[name] for name in arm.axes}))
         pairs = rig.coupling.pairs
         widest = max(pairs[name.partition(".")[2]].position_scale for name in felt_axes(rig))
         for name, slave in felt_axes(rig).items():

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from tautwave.config import Rig
-from tautwave.config.keys.arm import Chain
+from tautwave.config.keys.arm import Chain, SideArm
 from tautwave.models.chain.gravity import chain_gravity
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.load import load_effort, load_energy
@@ -16,11 +16,12 @@ from tautwave.rig.arms import (
     MARGIN,
     SAMPLES,
     arm_chain,
-    carried_axes,
     each_payload,
+    felt_arms,
     felt_axes,
     felt_ranges,
     joint_ranges,
+    load_groups,
     load_params,
     own_carried,
     postures,
@@ -47,9 +48,9 @@ def side_loads(
     """Return what carries the loads of each side, and the seat of each axis in it."""
     sides: list[SideLoad] = []
     seats: dict[str, tuple[SideLoad, int]] = {}
-    for side in ("master", "slave"):
-        names = carried_axes(rig, side)
-        if not names or names[0] not in delays:  # of two sites each carries its own
+    groups = [one for side in ("master", "slave") for one in load_groups(rig, side).items()]
+    for group, names in groups:
+        if names[0] not in delays:  # of two sites each carries its own
             continue
         axes = []
         for name in names:
@@ -67,27 +68,26 @@ def side_loads(
                     still,
                 )
             )
-        arm = getattr(rig, side).arm
-        others = {} if arm is None else with_payloads(arm)
-        slowest = _slowest(rig, side, axes)
+        arm = rig.arm_of(names[0])
+        others = {} if arm is None else with_payloads(arm.keys)
+        slowest = _slowest(rig, arm, axes)
         sides.append(
             SideLoad(
-                side, axes, _weighing(rig, side),
+                group, axes, _weighing(rig, names),
                 {payload: _chain_weighing(one) for payload, one in others.items()},
                 max(1, round(TAKEN_UP_S * rig.rate_hz), slowest),
                 max(1, round(UNDONE_S * rig.rate_hz), slowest),
-                _felt_load(rig, axes) if side == "master" else None,
+                _felt_load(rig, names, axes) if names[0].startswith("master.") else None,
             )
         )  # fmt: skip
         seats.update({name: (sides[-1], which) for which, name in enumerate(names)})
     return sides, seats
 
 
-def _weighing(rig: Rig, side: str) -> Weighing:
-    """Return what weighs a side's own loads, among all axes that carry something."""
-    names = carried_axes(rig, side)
-    ours = own_carried(rig, side)
-    own = _own_weighing(rig, side)
+def _weighing(rig: Rig, names: Sequence[str]) -> Weighing:
+    """Return what weighs the own loads of some of a side's axes, which carry something."""
+    ours = [name for name in own_carried(rig, names[0].partition(".")[0]) if name in names]
+    own = _own_weighing(rig, ours)
     if names == ours:
         return own
     seats = [names.index(name) for name in ours]
@@ -102,13 +102,14 @@ def _weighing(rig: Rig, side: str) -> Weighing:
     return weigh
 
 
-def _felt_load(rig: Rig, axes: Sequence[CarriedAxis] = ()) -> FeltLoad | None:
-    """Return what the hand feels of the slave's loads, None if nothing."""
-    felt = felt_axes(rig)
+def _felt_load(rig: Rig, names: Sequence[str], axes: Sequence[CarriedAxis] = ()) -> FeltLoad | None:
+    """Return what the hand feels of the slave's loads at some of its axes, None if nothing."""
+    felt = {master: slave for master, slave in felt_axes(rig).items() if master in names}
     if not felt:
         return None
-    names, powers, places = carried_axes(rig, "master"), [], []
-    for slave in own_carried(rig, "slave"):  # in the order in which they are weighed
+    own, powers, places = own_carried(rig, "slave"), [], []
+    weighed = [name for name in own if name in felt.values() or rig.arm_of(name) is None]
+    for slave in weighed:  # in the order in which they are weighed
         master = slave.replace("slave", "master", 1)
         name = slave.partition(".")[2]
         pair = rig.coupling.pairs[name]
@@ -120,26 +121,38 @@ def _felt_load(rig: Rig, axes: Sequence[CarriedAxis] = ()) -> FeltLoad | None:
         places.append(FeltPlace(name, at, scale.sign * scale.scale, offset or 0.0))
     slowest = max((math.ceil(axis.reserve / axis.step) for axis in axes), default=1)
     ramp = max(1, round(TAKEN_UP_S * rig.rate_hz), slowest)
-    weigh, level = _own_weighing(rig, "slave"), 0.0
+    weigh, level = _own_weighing(rig, weighed), 0.0
     if rig.operate is not None:  # in the middle: there a ramp puts nothing in, wherever the zero is
         ranges = felt_ranges(rig)
-        middle = (0.5 * sum(ranges.get(name, (0.0, 0.0))) for name in own_carried(rig, "slave"))
+        middle = (0.5 * sum(ranges.get(name, (0.0, 0.0))) for name in weighed)
         level = weigh(list(middle))[1]
     return FeltLoad(weigh, places, powers[0], ramp, coupled=rig.operate is None, level=level)
 
 
-def _own_weighing(rig: Rig, side: str) -> Weighing:
-    """Return what weighs a side's own loads."""
-    names = own_carried(rig, side)
-    arm = getattr(rig, side).arm
-    if arm is None:
+def _own_weighing(rig: Rig, names: Sequence[str]) -> Weighing:
+    """Return what weighs the own loads of some of a side's axes: whole arms, or none."""
+    arms = {arm.name: arm for name in names if (arm := rig.arm_of(name)) is not None}
+    if not arms:
         keys = [rig.axes[name].load for name in names]
         loads = [load_params(load) for load in keys if load is not None]
         return lambda x: (
             [-load_effort(p, at) for p, at in zip(loads, x, strict=True)],
             sum(load_energy(p, at) for p, at in zip(loads, x, strict=True)),
         )
-    return _chain_weighing(arm)
+    each = [(_chain_weighing(arm.keys), len(arm.axes)) for arm in arms.values()]
+    if len(each) == 1:
+        return each[0][0]
+
+    def weigh(x: Sequence[float]) -> tuple[list[float], float]:
+        held: list[float] = []
+        height = 0.0
+        for one, count in each:
+            efforts, potential = one(x[len(held) : len(held) + count])
+            held += efforts
+            height += potential
+        return held, height
+
+    return weigh
 
 
 def _chain_weighing(keys: Chain) -> Weighing:
@@ -152,34 +165,33 @@ def _chain_weighing(keys: Chain) -> Weighing:
     return weigh
 
 
-def payload_swing(rig: Rig, side: str) -> float:
+def payload_swing(rig: Rig, arm: SideArm) -> float:
     """Return the most that taking up one payload may give out [J], sampled; 0 without any.
 
     That is how far, over the range, the potentials with two payloads are apart.
     """
-    return MARGIN * max((swing for _, swing in _changes(rig, side)), default=0.0)
+    return MARGIN * max((swing for _, swing in _changes(rig, arm)), default=0.0)
 
 
-def _slowest(rig: Rig, side: str, axes: Sequence[CarriedAxis]) -> int:
+def _slowest(rig: Rig, arm: SideArm | None, axes: Sequence[CarriedAxis]) -> int:
     """Return the periods that a change of payload takes at least: no effort outruns its rate."""
     shares = [
         effort / axis.step
-        for efforts, _ in _changes(rig, side)
+        for efforts, _ in _changes(rig, arm)
         for effort, axis in zip(efforts, axes, strict=True)
     ]
     return math.ceil(MARGIN * max(shares, default=0.0))
 
 
-def _changes(rig: Rig, side: str) -> Iterator[tuple[list[float], float]]:
+def _changes(rig: Rig, arm: SideArm | None) -> Iterator[tuple[list[float], float]]:
     """Yield, for each pair of payloads, how far apart their efforts and potentials are.
 
     Efforts by axis [N m or N], potentials as a swing [J]: over the range, sampled.
     """
-    arm = getattr(rig, side).arm
-    if arm is None or not arm.payloads:
+    if arm is None or not arm.keys.payloads:
         return
-    weigh = [_chain_weighing(one) for one in each_payload(arm)]
-    weights = [[one(q) for one in weigh] for q in postures(joint_ranges(rig, side, arm))]
+    weigh = [_chain_weighing(one) for one in each_payload(arm.keys)]
+    weights = [[one(q) for one in weigh] for q in postures(joint_ranges(rig, arm))]
     for one, other in itertools.combinations(range(len(weigh)), 2):
         most = [0.0] * len(weights[0][one][0])
         for row in weights:
@@ -195,18 +207,20 @@ def felt_swing(rig: Rig) -> float:
     That is how far the slave's potential, as the hand feels it, is apart over the places that the
     master may stand for, sampled; 0 where it is felt all along, or not at all.
     """
-    felt = _felt_load(rig)
+    felt = _felt_load(rig, list(felt_axes(rig)))
     if felt is None or not felt.lets_go:
         return 0.0
     ranges = felt_ranges(rig)
-    if rig.slave.arm is not None:
-        weigh = _own_weighing(rig, "slave")
-        heights = [weigh(q)[1] for q in postures(list(ranges.values()))]
-        return MARGIN * (max(heights) - min(heights)) / felt.power
     energy = 0.0
+    for arm in felt_arms(rig):
+        weigh = _chain_weighing(arm.keys)
+        heights = [weigh(q)[1] for q in postures([ranges[name] for name in arm.axes])]
+        energy += max(heights) - min(heights)
     for name, (low, high) in ranges.items():
         load = rig.axes[name].load
+        if load is None:
+            continue
         places = [low + (high - low) * k / SAMPLES for k in range(SAMPLES + 1)]
-        heights = [load_energy(load_params(load), x) for x in places] if load else [0.0]
+        heights = [load_energy(load_params(load), x) for x in places]
         energy += max(heights) - min(heights)
     return MARGIN * energy / felt.power

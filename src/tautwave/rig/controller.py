@@ -243,7 +243,7 @@ def rest_effort(rig: Rig, axis_name: str, delay: CommandDelay, end: Any) -> floa
     side = axis_name.partition(".")[0]
     axis = rig.axes[axis_name]
     sensor = axis.effort_sensor
-    carries = axis.load is not None or getattr(rig, side).arm is not None
+    carries = axis.load is not None or bool(rig.arms(side))
     if sensor is None or carries or rig.sites is not None or not getattr(end, "measures", False):
         return math.inf
     doubt = (DEVIATIONS * sensor.noise + 0.5 * sensor.quantum) / sensor.scale

@@ -77,7 +77,7 @@ def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
     used = {axis.bus for axis in rig.slave.axes.values()}
     buses = {name: bus for name, bus in rig.buses.items() if name in used}
     buses[BUS] = Bus(driver="loopback")
-    master = rig.master.model_copy(update={"axes": axes, "arm": None})
+    master = rig.master.model_copy(update={"axes": axes, "arm": None, "arms": None})
     return operated.model_copy(
         update={
             "buses": buses,
@@ -153,7 +153,7 @@ def _hand(axis: Axis, given: object, fps: float) -> Hand:
 def _simulation(rig: Rig, hands: Mapping[str, object]) -> Simulation:
     old = rig.simulation or Simulation()
     slaves = {name: one for name, one in old.axes.items() if name.startswith("slave.")}
-    arms = {side: arm for side, arm in old.arms.items() if side == "slave"}
+    arms = {name: arm for name, arm in old.arms.items() if name.partition(".")[0] == "slave"}
     return old.model_copy(update={"axes": slaves, "hand": hands, "arms": arms})
 
 

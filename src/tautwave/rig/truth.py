@@ -141,7 +141,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     if integrator is not None and plain and not at_part:
         speed = greatest_speed(rig, axis_name, plant.mass)
         foam = integrated(axis_name, integrator, plant, foam, speed, period).foam
-    arm = true_arm(rig, side)
+    arm = true_arm(rig, axis_name)
     part = None
     if isinstance(environment, EnvironmentPart):
         part = part_contact(rig, axis_name, environment, plant)
@@ -177,7 +177,7 @@ def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
         part=part,
         colour=truth.position_noise_autocorrelation,
         load=None if truth.load is None else load_params(truth.load),
-        arm=None if arm is None else ArmModel(side, arm_chain(arm)),
+        arm=None if arm is None else ArmModel(arm[0], arm_chain(arm[1])),
         imposed=motion is not None,
         push=push,
         sensor=sensor_params(rig, axis_name, mass),

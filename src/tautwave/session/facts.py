@@ -134,16 +134,15 @@ def load_facts(rig: Rig, delays: dict[str, CommandDelay]) -> Iterator[tuple[str,
     felt = felt_axes(rig)
     for side in ("master", "slave"):
         carried, joints = carried_axes(rig, side), joint_names(rig, side)
-        arm = getattr(rig, side).arm
-        if arm is not None and not weighs(arm):
-            yield f"arm of the {side}", "no link has a mass: a kinematic chain, without a load"
-        if arm is not None:
-            for note in chain_notes(arm):
-                yield f"arm of the {side}", note
-        wider = beyond_file(rig, side)
-        if wider:
-            file = Path(str(arm.urdf)).name
-            yield f"limits of {side}", f"wider than in {file}: {'; '.join(wider)}"
+        for arm in rig.arms(side):
+            said = f"arm of the {side}" if arm.name == side else f"arm {arm.name}"
+            if not weighs(arm.keys):
+                yield said, "no link has a mass: a kinematic chain, without a load"
+            for note in chain_notes(arm.keys):
+                yield said, note
+            if wider := beyond_file(rig, arm):
+                file = Path(str(arm.keys.urdf)).name
+                yield f"limits of {arm.name}", f"wider than in {file}: {'; '.join(wider)}"
         for name, most in greatest_loads(rig, side).items():
             pair = name.partition(".")[2]
             rotary = rig.axes[name].kind == "rotary"

@@ -25,6 +25,7 @@ Number = Annotated[float | None, BeforeValidator(_finite)]
 """A number; None: not known, or not finite."""
 
 Side = Literal["master", "slave"]
+ArmName = Annotated[str, Field(pattern=r"^(master|slave)(\.[^.]+)?$")]
 Sentences = tuple[str, ...]
 
 
@@ -525,7 +526,7 @@ class Site(Block):
 
 
 class Load(Block):
-    """What carrying the loads of a side did [J]."""
+    """What carrying the loads of a side, or of one of its several arms, did [J]."""
 
     potential_j: Number = None
     leak_j: Number = None
@@ -566,7 +567,7 @@ class Summary(Block):
     buses: dict[str, Bus] = Field(default_factory=dict)
     pairs: dict[str, Pair] = Field(default_factory=dict)
     energy_j: Energy = Energy()
-    loads: dict[Side, Load] = Field(default_factory=dict)
+    loads: dict[ArmName, Load] = Field(default_factory=dict)
     operation: Operation | None = None
     cameras: dict[str, Camera] = Field(default_factory=dict)
     tuning: tuple[Tuned, ...] = ()

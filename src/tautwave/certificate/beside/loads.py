@@ -16,7 +16,6 @@ from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Rig
 from tautwave.rig import axis_allowance
 from tautwave.rig.arms import (
-    arm_axes,
     felt_axes,
     greatest_loads,
     load_reserves,
@@ -75,14 +74,13 @@ def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> El
             f" Each engagement, and each end of one, may supply up to {swing:.3g} J to the hand "
             "while that weight is ramped in or out."
         )
-    if axis_name == arm_axes(rig, axis_name.partition(".")[0])[0]:
-        swing = payload_swing(rig, axis_name.partition(".")[0])
-        if swing > 0.0:
-            numbers["payload_j"] = swing
-            sentence += (
-                f" Each payload change may supply up to {swing:.3g} J more over the range if the "
-                "tip does not actually hold it."
-            )
+    arm = rig.arm_of(axis_name)
+    if arm is not None and axis_name == arm.axes[0] and (swing := payload_swing(rig, arm)) > 0.0:
+        numbers["payload_j"] = swing
+        sentence += (
+            f" Each payload change may supply up to {swing:.3g} J more over the range if the "
+            "tip does not actually hold it."
+        )
     passive = Verdict(True, sentence, margin=left - needed)
     if needed > left:
         spent = {"a wall": has.wall_damping, "compensation": has.compensated_damping}

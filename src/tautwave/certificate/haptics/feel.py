@@ -145,7 +145,7 @@ def rig_feel(rig: Rig) -> tuple[tuple[Feel, ...], tuple[str, ...]]:
     """
     if rig.scene is not None:
         return (), ()
-    if any(getattr(rig, side).arm is not None for side in ("master", "slave")):
+    if any(rig.arms(side) for side in ("master", "slave")):
         return (), ("felt stiffness and drag: the joints of an arm move each other",)
     if any(load_driver(bus.driver).plain for bus in rig.buses.values()):
         return (), ("felt stiffness and drag: the tip of an arm takes too long to simulate",)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from tautwave import registry
+from tautwave.config.inputs.arm_places import ArmPlace, arm_places
 from tautwave.config.inputs.chains import chain_links, weighs
 from tautwave.config.keys.arm import Arm, Chain
 from tautwave.config.keys.devices import Axis
@@ -20,13 +23,15 @@ KINDS = {"turns": "rotary", "slides": "linear"}
 
 def check_arms(document: Document, parts: Parts) -> None:
     """Note arms whose chain cannot be read, or does not fit the axes."""
-    for side in SIDES:
-        _check_arm(document, parts, side, (side, "arm"), Arm)
-        _check_arm(document, parts, side, ("simulation", "arms", side), Chain)
+    places = tuple(arm_places(document))
+    for place in places:
+        _check_arm(document, parts, place, place.path, Arm)
+        _check_arm(document, parts, place, place.truth, Chain)
         if parts.simulated:
-            _check_simulated(document, parts, side)
-        _check_payloads(document, side)
-    _check_reflected(document, parts)
+            _check_simulated(document, parts, place)
+        _check_payloads(document, place)
+    _check_names(document, places)
+    _check_reflected(document, parts, places)
     for side, name, axis in parts.axes():
         if axis.load is not None:
             _check_load(document, parts, side, axis, axis.load, (side, "axes", name, "load"))
@@ -36,13 +41,40 @@ def check_arms(document: Document, parts: Parts) -> None:
             _check_load(document, parts, side, axis, truth.load, path)
 
 
-def _check_reflected(document: Document, parts: Parts) -> None:
+def _check_names(document: Document, places: Sequence[ArmPlace]) -> None:
+    """Note axes that are joints of none of a side's several arms, or of two, and spare truths."""
+    for side in SIDES:
+        own = [place for place in places if place.side == side and place.prefix]
+        axes = document.get((side, "axes"))
+        for name in axes if own and isinstance(axes, dict) else ():
+            arms = [place.prefix for place in own if name in place.axes]
+            if len(arms) != 1:
+                begin = " or ".join(place.prefix for place in own)
+                document.report(
+                    (side, "axes", name),
+                    f"begins with the names of two arms, {' and '.join(arms)}; rename one of them"
+                    if arms
+                    else f"is a joint of none of the {side}'s arms; begin its name with {begin}",
+                )
+    known = {place.name for place in places}
+    truths = document.get(("simulation", "arms"))
+    for name in truths if isinstance(truths, dict) else ():
+        if name not in known and name.partition(".")[0] in SIDES:
+            document.report(
+                ("simulation", "arms", name),
+                f"the rig has no such arm; use {', '.join(sorted(known))}",
+            )
+
+
+def _check_reflected(document: Document, parts: Parts, places: Sequence[ArmPlace]) -> None:
     """Note loads that the hand cannot feel."""
     felt: dict[tuple[str, str], KeyPath] = {}
     for side in SIDES:
-        arm: Arm | None = salvage(Arm, document.get((side, "arm")))
-        if arm is not None and arm.reflect_load:
-            felt.update({(side, name): (side, "arm") for name in parts.sides.get(side) or {}})
+        for place in places:
+            arm: Arm | None = salvage(Arm, document.get(place.path))
+            if place.side == side and arm is not None and arm.reflect_load:
+                felt.update({(side, name): place.path for name in place.axes})
+                _check_together(document, place, places)
         for name, axis in (parts.sides.get(side) or {}).items():
             if axis is not None and axis.load is not None and axis.load.reflect_load:
                 felt[side, name] = (side, "axes", name, "load")
@@ -88,10 +120,23 @@ def _check_reflected(document: Document, parts: Parts) -> None:
         )
 
 
-def _check_payloads(document: Document, side: str) -> None:
+def _check_together(document: Document, place: ArmPlace, places: Sequence[ArmPlace]) -> None:
+    """Note an arm that is felt by hands at several: its joints' loads depend on each other."""
+    if place.side == "slave":
+        own = set(place.axes)
+        holding = [one for one in places if one.side == "master" and own & set(one.axes)]
+        if len(holding) > 1:
+            document.report(
+                (*place.path, "reflect_load"),
+                f"the joints of this arm are led by {len(holding)} arms of the master, of which "
+                "each would feel its weight; state the same `arms` on both sides, or remove it",
+            )
+
+
+def _check_payloads(document: Document, place: ArmPlace) -> None:
     """Note payloads that no command can take up."""
-    path = (side, "arm", "payloads")
-    arm: Arm | None = salvage(Arm, document.get((side, "arm")))
+    path = (*place.path, "payloads")
+    arm: Arm | None = salvage(Arm, document.get(place.path))
     if arm is None or not arm.payloads:
         return
     why = ""
@@ -107,13 +152,14 @@ def _check_payloads(document: Document, side: str) -> None:
         document.report(path, why)
 
 
-def _check_simulated(document: Document, parts: Parts, side: str) -> None:
-    """Note what the simulation of a side's arm cannot do."""
-    paths: tuple[KeyPath, ...] = (("simulation", "arms", side), (side, "arm"))
+def _check_simulated(document: Document, parts: Parts, place: ArmPlace) -> None:
+    """Note what the simulation of an arm cannot do."""
+    paths = (place.truth, place.path)
     path = next((path for path in paths if document.get(path) is not None), None)
     if path is None:
         return
-    axes = [axis for axis in (parts.sides.get(side) or {}).values() if axis is not None]
+    side = place.side
+    axes = [axis for name in place.axes if (axis := parts.axis(side, name)) is not None]
     drivers = {document.get(("buses", axis.bus, "driver")) for axis in axes}
     if len({axis.bus for axis in axes}) > 1 or not all(map(_moves_arms, drivers)):
         document.report(
@@ -122,7 +168,8 @@ def _check_simulated(document: Document, parts: Parts, side: str) -> None:
         )  # fmt: skip
     if document.get(("simulation", "integrator")) is not None:
         document.report(("simulation", "integrator"), "an arm has its own; remove it")
-    for name, keys in parts.environments.items():
+    for name in place.axes:
+        keys = parts.environments.get(name)
         if side == "slave" and not isinstance(keys, Free | Spring | SolidWall | None):
             document.report(
                 ("simulation", "environment", name),
@@ -148,11 +195,14 @@ def _check_load(
     document: Document, parts: Parts, side: str, axis: Axis, load: TrueLoad, path: KeyPath
 ) -> None:
     """Note a load where a chain has it already, or nothing can carry it."""
-    arms = (document.get((side, "arm")), document.get(("simulation", "arms", side)))
-    if any(arm is not None for arm in arms):
-        document.report(
-            path, f"the chain of the {side}'s arm already defines the weight; remove it"
-        )
+    arms = (
+        place
+        for place in arm_places(document)
+        if place.side == side
+        and any(document.get(at) is not None for at in (place.path, place.truth))
+    )
+    if (arm := next(arms, None)) is not None:
+        document.report(path, f"the chain of {arm.said} already defines the weight; remove it")
     elif axis.causality != "impedance":
         document.report(
             path, "the drive of an admittance axis compensates for the load itself; remove it"
@@ -166,8 +216,9 @@ def _check_load(
 
 
 def _check_arm(
-    document: Document, parts: Parts, side: str, path: KeyPath, model: type[Chain]
+    document: Document, parts: Parts, place: ArmPlace, path: KeyPath, model: type[Chain]
 ) -> None:
+    side = place.side
     keys: Chain | None = salvage(model, document.get(path))
     if keys is None:
         return
@@ -178,14 +229,14 @@ def _check_arm(
         document.report(at, str(err))
         return
     joints = [link for link in links if link.kind != "fixed"]
-    axes = parts.sides.get(side)
-    if axes is None:
+    if parts.sides.get(side) is None:
         return
+    axes = {name: parts.axis(side, name) for name in place.axes}
     if len(joints) != len(axes):
         document.report(
             at,
             f"{len(joints)} joints ({', '.join(link.name for link in joints)}) for {len(axes)} "
-            f"axes ({', '.join(axes)}); each axis of the side is a joint",
+            f"axes ({', '.join(axes)}); each axis of the side{place.which} is a joint",
         )
         return
     if isinstance(keys, Arm) and keys.compensate and any(keys.gravity) and not weighs(keys):

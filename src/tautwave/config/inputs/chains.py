@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tautwave.config.inputs.arm_places import arm_places
 from tautwave.config.inputs.recordings import find_recording
 from tautwave.config.inputs.urdf import JointLimits, read_urdf
 from tautwave.config.keys.arm import Arm, Chain, DhRow
 from tautwave.config.text.document import Document
-from tautwave.config.text.yaml12 import KeyPath
 from tautwave.models.chain.build import (
     Body,
     Link,
@@ -18,13 +18,6 @@ from tautwave.models.chain.build import (
     roll_pitch_yaw,
 )
 from tautwave.models.chain.params import ChainParams
-
-PLACES: tuple[KeyPath, ...] = (
-    ("master", "arm", "urdf"),
-    ("slave", "arm", "urdf"),
-    ("simulation", "arms", "master", "urdf"),
-    ("simulation", "arms", "slave", "urdf"),
-)
 
 
 def chain_links(keys: Chain) -> tuple[tuple[Link, ...], tuple[JointLimits, ...]]:
@@ -97,8 +90,9 @@ def held_at_tip(keys: Chain) -> Body:
 
 def name_chains(document: Document) -> None:
     """Replace the paths of URDF files by absolute ones; relative ones start at the rig file."""
-    for path in PLACES:
+    for block in (path for place in arm_places(document) for path in (place.path, place.truth)):
+        path = (*block, "urdf")
         name = document.get(path)
         if isinstance(name, str):
             absolute = find_recording(document, path, name)
-            document.get(path[:-1])["urdf"] = str(absolute or (document.folder / name).resolve())
+            document.get(block)["urdf"] = str(absolute or (document.folder / name).resolve())

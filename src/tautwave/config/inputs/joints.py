@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tautwave.config.inputs.arm_places import ArmPlace, arm_places
 from tautwave.config.inputs.chains import chain_links
 from tautwave.config.keys.arm import Arm, Chain
 from tautwave.config.messages import salvage
@@ -19,25 +20,27 @@ Axes = Mapping[str, Any]
 def order_axes(document: Document) -> None:
     """Put the axes of each side with an arm in the order of its joints, base first.
 
-    An axis is the joint that its `joint` names, or that of its own name. A later one may
-    count on the order; before, no order of a file has a meaning, as that of URDF has none.
+    An axis is the joint that its `joint` names, or that of its own name; of several arms one comes
+    after the other. A later one may count on the order; before, no order of a file has a meaning,
+    as that of URDF has none.
     """
-    for side in ("master", "slave"):
+    for side, places in itertools.groupby(arm_places(document), lambda place: place.side):
         axes = document.get((side, "axes"))
         if isinstance(axes, dict) and axes:
-            order = _order(document, side, axes)
-            document.get((side,))["axes"] = {name: axes[name] for name in order}
+            own = [(place, {name: axes[name] for name in place.axes}) for place in places]
+            order = [name for place, some in own if some for name in _order(document, place, some)]
+            left = [name for name in axes if name not in order]
+            document.get((side,))["axes"] = {name: axes[name] for name in (*order, *left)}
 
 
-def _order(document: Document, side: str, axes: Axes) -> tuple[str, ...]:
-    """Return the names of a side's axes in the order of its arm, noting what is wrong."""
-    chains: tuple[tuple[KeyPath, type[Chain]], ...] = (
-        ((side, "arm"), Arm), (("simulation", "arms", side), Chain),
-    )  # fmt: skip
+def _order(document: Document, place: ArmPlace, axes: Axes) -> tuple[str, ...]:
+    """Return the names of an arm's axes in the order of its joints, noting what is wrong."""
+    side = place.side
+    chains: tuple[tuple[KeyPath, type[Chain]], ...] = ((place.path, Arm), (place.truth, Chain))
     readable = [
         (path, keys) for path, model in chains if (keys := salvage(model, document.get(path)))
     ]
-    if not readable and document.get((side, "arm")) is None:
+    if not readable and document.get(place.path) is None:
         for name in _stated(axes):
             document.report(
                 (side, "axes", name, "joint"), f"the {side} has no arm; remove it, or add `arm`"
@@ -45,24 +48,25 @@ def _order(document: Document, side: str, axes: Axes) -> tuple[str, ...]:
     if not readable:
         return tuple(axes)
     (path, keys), *others = readable
-    order = _of_chain(document, side, path, keys, axes) or tuple(axes)
+    order = _of_chain(document, place, path, keys, axes) or tuple(axes)
     for path, keys in others:  # the simulated truth of the same arm
         joints = _joints(keys)
-        wanted = [_wanted(axes, name) for name in order]
+        wanted = [_wanted(axes, name, place, joints) for name in order]
         if sorted(wanted) == sorted(joints) and wanted != joints:
             document.report(
                 (*path, "urdf"),
                 f"its joints, {', '.join(joints)} from base to tip, are not in the order of those "
-                f"of {side}.arm",
+                f"of {'.'.join(map(str, place.path))}",
             )
     return order
 
 
 def _of_chain(
-    document: Document, side: str, path: KeyPath, keys: Chain, axes: Axes
+    document: Document, place: ArmPlace, path: KeyPath, keys: Chain, axes: Axes
 ) -> tuple[str, ...] | None:
     """Return the axes in the order of a chain's joints, None where that is not known."""
-    joints, stated = _joints(keys), _stated(axes)
+    side, joints, stated = place.side, _joints(keys), _stated(axes)
+    wanted = {name: _wanted(axes, name, place, joints) for name in axes}
     if keys.urdf is None:
         for name in stated:
             document.report(
@@ -73,7 +77,7 @@ def _of_chain(
     if len(joints) != len(axes):
         return None  # noted where a chain is checked, as one that cannot be read
     listed = f"its joints from base to tip are {', '.join(joints)}"
-    strange = [name for name in axes if _wanted(axes, name) not in joints]
+    strange = [name for name in axes if wanted[name] not in joints]
     if not stated and len(strange) == len(axes):
         if keys.order is None and len(axes) > 1:
             document.report(
@@ -86,16 +90,16 @@ def _of_chain(
         at = (side, "axes", name)
         document.report(
             (*at, "joint") if name in stated else at,
-            f"there is no joint {_wanted(axes, name)!r} in the arm; {listed}"
+            f"there is no joint {wanted[name]!r} in the arm; {listed}"
             if name in stated
             else f"the arm has no joint of this name; give its `joint`; {listed}",
         )
     known = [name for name in axes if name not in strange]
-    order = sorted(known, key=lambda name: joints.index(_wanted(axes, name)))
+    order = sorted(known, key=lambda name: joints.index(wanted[name]))
     for one, two in itertools.pairwise(order):
-        if _wanted(axes, one) == _wanted(axes, two):
+        if wanted[one] == wanted[two]:
             document.report(
-                (side, "axes", two, "joint"), f"axis {one!r} is joint {_wanted(axes, two)!r} too"
+                (side, "axes", two, "joint"), f"axis {one!r} is joint {wanted[two]!r} too"
             )
     return None if strange else tuple(order)
 
@@ -117,7 +121,14 @@ def _stated(axes: Axes) -> list[str]:
     ]
 
 
-def _wanted(axes: Axes, name: str) -> str:
+def _wanted(axes: Axes, name: str, place: ArmPlace, joints: Sequence[str]) -> str:
+    """Return the joint that an axis is to be: as stated, or of its name, which may have its arm's.
+
+    So `left_j1` of arm `left` is joint `left_j1` or, where its chain has none, joint `j1`.
+    """
     axis = axes[name]
     stated = axis.get("joint") if isinstance(axis, dict) else None
-    return stated if isinstance(stated, str) else name
+    if isinstance(stated, str):
+        return stated
+    short = name.removeprefix(place.prefix)
+    return short if name not in joints and short in joints else name

@@ -5,7 +5,8 @@ The simulated truth of an arm has the same keys.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterable
+from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -121,3 +122,31 @@ class Arm(Chain):
         description="Payloads that the command `payload NAME` of an operated rig selects instead "
         "of `payload` while the arm is at rest.",
     )
+
+
+class SideArm(NamedTuple):
+    """One arm of a rig.
+
+    Attributes
+    ----------
+    name : str
+        `master` or `slave`, or of several arms of that side its full name, such as `master.left`.
+    keys : Arm
+        Its own.
+    axes : tuple of str
+        Full names of its joints' axes, from base to tip.
+    """
+
+    name: str
+    keys: Arm
+    axes: tuple[str, ...]
+
+
+def axis_prefix(arm: str) -> str:
+    """Return what the names of all axes of one of several arms begin with: `left_` for `left`."""
+    return f"{arm}_"
+
+
+def axes_of_arm(arm: str, axes: Iterable[str]) -> tuple[str, ...]:
+    """Return those of a side's axes, by name, that are joints of one of its several arms."""
+    return tuple(name for name in axes if name.startswith(axis_prefix(arm)))

@@ -72,6 +72,9 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$")]
 AxisName = Annotated[str, Field(pattern=r"^(master|slave)\.[A-Za-z_][A-Za-z0-9_-]*$")]
 """Full name of an axis, such as `master.wrist`."""
 
+ArmName = Annotated[str, Field(pattern=r"^(master|slave)(\.[A-Za-z_][A-Za-z0-9_-]*)?$")]
+"""Full name of an arm: its side alone, or with its name among several, such as `master.left`."""
+
 When = Literal["engaged", "disengaged", "between runs"]
 
 

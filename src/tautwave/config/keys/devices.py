@@ -186,7 +186,8 @@ class Axis(Block):
     )
     joint: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
-        description="Joint of the side's `arm` that the axis is; default: that of the same name.",
+        description="Joint of the arm that the axis is; default: that of the same name, which for "
+        "one of several arms may lack the arm's, as `j1` for axis `left_j1`.",
     )
     causality: Literal["impedance", "admittance"] = Field(
         default="impedance",
@@ -316,6 +317,17 @@ class Side(Block):
         default=None,
         description="The axes are the joints of a serial chain.",
     )
+    arms: Annotated[dict[Name, Arm], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Several arms by name, instead of `arm`: the axes whose names begin with "
+        "`left_` are the joints of arm `left`.",
+    )
+
+    @model_validator(mode="after")
+    def _check_arms(self) -> Self:
+        if self.arm is not None and self.arms is not None:
+            raise PydanticCustomError("order", "give either arm, or arms by name")
+        return self
 
 
 Pixels = Annotated[int, Field(ge=16, le=8192, multiple_of=2)]

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 from pydantic import Field, PrivateAttr
 
 from tautwave import formats
-from tautwave.config.keys.arm import Chain
+from tautwave.config.keys.arm import Chain, SideArm, axes_of_arm
 from tautwave.config.keys.calibration import AxisCalibration, Calibration
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.keys.control import AnyControl
@@ -257,6 +257,25 @@ class Rig(Block):
             for name, axis in block.axes.items()
         }
 
+    def arms(self, side: str) -> tuple[SideArm, ...]:
+        """The arms of a side, `master` or `slave`, as they are listed; () without any."""
+        block = self.master if side == "master" else self.slave
+        if block.arm is not None:
+            return (SideArm(side, block.arm, tuple(f"{side}.{name}" for name in block.axes)),)
+        return tuple(
+            SideArm(
+                f"{side}.{name}",
+                keys,
+                tuple(f"{side}.{axis}" for axis in axes_of_arm(name, block.axes)),
+            )
+            for name, keys in (block.arms or {}).items()
+        )
+
+    def arm_of(self, axis_name: str) -> SideArm | None:
+        """The arm that an axis is a joint of, None without one."""
+        arms = self.arms(axis_name.partition(".")[0])
+        return next((arm for arm in arms if axis_name in arm.axes), None)
+
 
 class AxisTruth(NamedTuple):
     """The complete truth about a simulated axis; units as in the keys of the same names."""
@@ -301,7 +320,7 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
     declared: Any = rig.buses[axis.bus].options.get("command_delay_s", 0.0)
     believed = 0.0
     if axis.inertia is not None:
-        arm = true_arm(rig, axis_name.partition(".")[0])
+        arm = true_arm(rig, axis_name)
         believed = axis.inertia.value if arm is None else axis.inertia.lower
     damping = _first(given.damping, axis.damping.value)
     spring = _first(given.servo_stiffness, axis.outside_stiffness)
@@ -329,14 +348,14 @@ def simulation_of(rig: Rig, axis_name: str) -> AxisTruth:
     )
 
 
-def true_arm(rig: Rig, side: str) -> Chain | None:
-    """Return the chain that a side's simulated axes are joints of, None without one."""
+def true_arm(rig: Rig, axis_name: str) -> tuple[str, Chain] | None:
+    """Return name and chain of the arm that a simulated axis is a joint of, None without one."""
     if rig.simulation is None:
         return None
-    given = rig.simulation.arms
-    if side == "master":
-        return given.get("master", rig.master.arm)
-    return given.get("slave", rig.slave.arm)
+    believed = rig.arm_of(axis_name)
+    name = axis_name.partition(".")[0] if believed is None else believed.name
+    keys = rig.simulation.arms.get(name, None if believed is None else believed.keys)
+    return None if keys is None else (name, keys)
 
 
 def count_velocity(rig: Rig, axis_name: str, quantum: float) -> float:
@@ -397,8 +416,7 @@ def imposed_motions(rig: Rig, plugins: Mapping[str, DriverPlugin | None]) -> dic
 
 def has_loads(rig: Rig) -> bool:
     """Return whether an axis carries a load, believed or simulated, which is not compiled."""
-    sides = ("master", "slave")
-    believed = any(getattr(rig, side).arm is not None for side in sides)
+    believed = any(rig.arms(side) for side in ("master", "slave"))
     believed = believed or any(axis.load is not None for axis in rig.axes.values())
     if believed or rig.simulation is None:
         return believed

@@ -9,6 +9,7 @@ from pydantic import Field, SerializeAsAny, WrapValidator
 from tautwave.config.keys.arm import Chain
 from tautwave.config.keys.chosen import PART_HASH, PartHash, PartName, chosen_part
 from tautwave.config.keys.common import (
+    ArmName,
     Autocorrelation,
     AxisName,
     Block,
@@ -357,8 +358,10 @@ class Simulation(Block):
     environment: dict[Name, AnyEnvironment] = Field(
         default_factory=dict, description="Environment of the slave, by pair; default: free."
     )
-    arms: dict[Literal["master", "slave"], Chain] = Field(
-        default_factory=dict, description="Arms by side; default: as in the rig."
+    arms: dict[ArmName, Chain] = Field(
+        default_factory=dict,
+        description="Arms by side or, of several, by full name, such as `master.left`; default: "
+        "as in the rig.",
     )
     integrator: Integrator | None = Field(
         default=None,

@@ -1,4 +1,4 @@
-"""Arms as a picture, leader and follower side by side, and as an animation (GIF).
+"""Arms as a picture, leader and follower side by side, more in rows, and as an animation (GIF).
 
 Links are drawn from joint to joint; walls in space behind them; the way of the tip as a thin line;
 arrows at the tip are what coupling and walls exert, the longest force of the run a fifth of the
@@ -29,15 +29,20 @@ ROUNDS = 6
 """Arrows are as long in pixels whatever the scale, which they have a part in: it settles."""
 
 
-class _Panel(NamedTuple):
-    """Where an arm is drawn: left edge [pixel], corner of what is seen [m], pixels per metre."""
+COLUMNS = 2
+"""Arms in a row: of two sides with several each, a side has its own."""
 
-    left: float
+
+class _Panel(NamedTuple):
+    """Where an arm is drawn: left and upper edge [pixel], corner seen [m], pixels per metre."""
+
+    left: int
+    top: int
     corner: Floats
     scale: float
 
     def pixels(self, seen: Floats) -> list[tuple[float, float]]:
-        x = self.left + MARGIN * PANEL * OVER + (seen[..., 0] - self.corner[0]) * self.scale
+        x = MARGIN * PANEL * OVER + (seen[..., 0] - self.corner[0]) * self.scale
         y = (1.0 - MARGIN) * HEIGHT * OVER - (seen[..., 1] - self.corner[1]) * self.scale
         return [(float(a), float(b)) for a, b in zip(x.ravel(), y.ravel(), strict=True)]
 
@@ -80,7 +85,8 @@ def _panels(view: ArmsView) -> list[_Panel]:
             low, high = _corners([*places, *heads])
             scale = _scale(low, high, room)
         corner = 0.5 * (low + high) - 0.5 * room / scale
-        panels.append(_Panel(number * PANEL * OVER, corner, scale))
+        down, across = divmod(number, COLUMNS)
+        panels.append(_Panel(across * PANEL * OVER, down * HEIGHT * OVER, corner, scale))
     return panels
 
 
@@ -108,15 +114,16 @@ def _floor(places: Floats) -> Floats:
 
 
 def _draw(view: ArmsView, panels: list[_Panel], row: int, hue: Colours) -> Image.Image:
-    image = Image.new("RGB", (PANEL * OVER * len(view.arms), HEIGHT * OVER), hue[PAPER])
+    across, down = min(len(view.arms), COLUMNS), -(-len(view.arms) // COLUMNS)
+    image = Image.new("RGB", (PANEL * OVER * across, HEIGHT * OVER * down), hue[PAPER])
     strongest = _strongest(view)
     for arm, panel in zip(view.arms, panels, strict=True):
         part = Image.new("RGB", (PANEL * OVER, HEIGHT * OVER), hue[PAPER])
-        _arm(ImageDraw.Draw(part), arm, panel._replace(left=0.0), row, hue, strongest)
-        image.paste(part, (round(panel.left), 0))
+        _arm(ImageDraw.Draw(part), arm, panel, row, hue, strongest)
+        image.paste(part, (panel.left, panel.top))
     pen = ImageDraw.Draw(image)
     pen.text(
-        (6 * OVER, (HEIGHT - 20) * OVER),
+        (6 * OVER, (HEIGHT * down - 20) * OVER),
         f"{view.time[row]:.2f} s",
         fill=hue[SOFT],
         font_size=FONT * OVER,
@@ -167,7 +174,8 @@ def _arm(
 
 
 def _caption(arm: ArmView, row: int) -> str:
-    parts = [arm.name if arm.name == arm.side else f"{arm.side} ({arm.name})"]
+    own = arm.name.partition(".")[0] == arm.side
+    parts = [arm.name if own else f"{arm.side} ({arm.name})"]
     for name, force in arm.forces.items():
         size = float(np.linalg.norm(force[row]))
         if size >= 0.05:

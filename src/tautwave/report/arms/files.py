@@ -17,9 +17,8 @@ def has_arms(run: Run) -> bool:
     sides = (run.rig.get(side) for side in ("master", "slave"))
     buses = run.rig.get("buses")
     tips = buses.values() if isinstance(buses, dict) else ()
-    return any(isinstance(side, dict) and side.get("arm") for side in sides) or any(
-        isinstance(bus, dict) and bus.get("driver") == "arm" for bus in tips
-    )
+    own = (side.get(key) for side in sides if isinstance(side, dict) for key in ("arm", "arms"))
+    return any(own) or any(isinstance(bus, dict) and bus.get("driver") == "arm" for bus in tips)
 
 
 def write_arms(run: Run) -> None:

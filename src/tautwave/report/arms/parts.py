@@ -29,7 +29,7 @@ class ArmParts(NamedTuple):
     Attributes
     ----------
     name : str
-        `master`, `slave`, or the bus of a tip.
+        `master`, `slave`, of several arms the full name, or the bus of a tip.
     side : str
         `master` or `slave`.
     chain : ChainParams
@@ -56,10 +56,9 @@ class ArmParts(NamedTuple):
 def arm_parts(rig: Rig) -> Iterator[ArmParts]:
     """Yield the arms whose joints are the axes of a side, then those behind tips."""
     for side in ("master", "slave"):
-        keys = getattr(rig, side).arm
-        if keys is not None:
-            joints = [f"{side}.{name}.position" for name in getattr(rig, side).axes]
-            yield ArmParts(side, side, chain_constants(keys), joints, {}, {})
+        for arm in rig.arms(side):
+            joints = [f"{name}.position" for name in arm.axes]
+            yield ArmParts(arm.name, side, chain_constants(arm.keys), joints, {}, {})
     for name, bus in rig.buses.items():
         if bus.driver != "arm":
             continue

@@ -27,7 +27,7 @@ class ArmView(NamedTuple):
     Attributes
     ----------
     name : str
-        `master`, `slave`, or the bus of a tip.
+        `master`, `slave`, of several arms the full name, or the bus of a tip.
     side : str
         `master` or `slave`.
     joints : (rows, joints + 2, 3)

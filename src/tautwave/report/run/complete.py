@@ -39,7 +39,9 @@ def complete_summary(run: Run) -> Summary:
     if "recording" in summary:
         read = {"rows_read": run.rows, "truncated": run.truncated}
         summary["recording"] = {**summary["recording"], **read}
-    loads = {side: load for side in ("master", "slave") if (load := load_energy(run, side))}
+    leaks = [column.split(".") for column in run.columns if _is_load_leak(column)]
+    carried = [".".join(words[1:-1]) for words in leaks]
+    loads = {arm: load for arm in carried if (load := load_energy(run, arm))}
     if loads:
         summary["loads"] = loads
     energy = dict(rebuilt.get("energy_j", {}))
@@ -61,8 +63,8 @@ def write_summary(run: Run) -> None:
     write_file(run.directory, run.result)
 
 
-def load_energy(run: Run, side: str) -> dict[str, float]:
-    """Return what carrying a side's loads did [J]; empty where none are carried.
+def load_energy(run: Run, arm: str) -> dict[str, float]:
+    """Return what carrying the loads of a side or arm did [J]; empty where none are carried.
 
     `potential` is what the loads hold more than at the start, `leak` what was taken out of the
     devices beyond that (below 0: given to them), `given` the most that was given at any time;
@@ -70,7 +72,7 @@ def load_energy(run: Run, side: str) -> dict[str, float]:
     """
     energies = {}
     for what in ("potential", "leak", "given", "changed"):
-        values = run.read(f"load.{side}.{what}").get(f"load.{side}.{what}")
+        values = run.read(f"load.{arm}.{what}").get(f"load.{arm}.{what}")
         if values is not None and len(values):
             energies[f"{what}_j"] = float(values[-1])
     return energies
@@ -147,6 +149,10 @@ def sensing_gap(run: Run, axis: str, weight: float) -> float | None:
     if carried is not None and len(carried):
         believed += weight * float(carried[-1] - carried[0])
     return believed + weight * float(motor[-1] - motor[0])
+
+
+def _is_load_leak(name: str) -> bool:
+    return name.startswith("load.") and name.endswith(".leak")
 
 
 def _is_arm_work(name: str) -> bool:

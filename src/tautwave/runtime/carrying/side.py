@@ -36,12 +36,12 @@ class CarriedAxis(NamedTuple):
 
 
 class SideLoad:
-    """The loads of one side; a row source.
+    """The loads of one side, or of one of its several arms; a row source.
 
     Parameters
     ----------
     name : str
-        `master` or `slave`.
+        `master` or `slave` or, of several arms, the arm's full name.
     axes : sequence of CarriedAxis
         From base to tip if there is a chain.
     weigh : Weighing
@@ -67,6 +67,7 @@ class SideLoad:
         felt: FeltLoad | None = None,
     ) -> None:
         self.name = name
+        self._arm = f"arm {name}" if "." in name else f"the {name}'s arm"
         self.axes = axes
         self.others = others or {}
         self._loads = self._before = weigh
@@ -155,12 +156,12 @@ class SideLoad:
         if payload not in self.others:
             return f"unknown; choose one of {', '.join(self.others)}"
         if not all(self._known):
-            return f"the position of the {self.name}'s arm is not known yet"
+            return f"the position of {self._arm} is not known yet"
         if self._left:
             return "the previous payload is still being applied"
         if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):
             back = ", or give `back` to undo the last change" if self._returns else ""
-            return f"the {self.name}'s arm is moving; keep it still{back}"
+            return f"{self._arm} is moving; keep it still{back}"
         self._before, self._loads = self._loads, self.others[payload]
         self._left = self._ramp = self._take
         self._returns = True
@@ -268,6 +269,8 @@ def take_payload(loads: Sequence[SideLoad], argument: str) -> tuple[str, bool]:
         sides = [side for side in sides if side.name == first]
         argument = rest.strip()
     if not sides:
-        return f"payload: state the side, master or slave (got {first[:40]!r})", True
+        names = " or ".join(side.name for side in loads if side.others)
+        what = "arm" if "." in names else "side"
+        return f"payload: state the {what}, {names} (got {first[:40]!r})", True
     why = sides[0].take_up(argument)
     return (f"payload {argument[:40]!r}: {why}", True) if why else (argument, False)

@@ -172,8 +172,8 @@ def identify_chain(
     Parameters
     ----------
     chain : str
-        A URDF file, or `master` or `slave`: the arm of the rig beside a run's recording. Its
-        masses are what is believed.
+        A URDF file, or `master`, `slave` or, of several, such as `master.left`: an arm of the rig
+        beside a run's recording. Its masses are what is believed.
     tip : str, optional
         Last link of a chain in the URDF file.
     position, effort : str, optional
@@ -237,7 +237,9 @@ def _links_of(
     source: Path, chain: str, tip: str | None
 ) -> tuple[tuple[Link, ...], tuple[float, float, float], Body, tuple[str, ...], bool]:
     """Return links, gravity, what is held at the tip, axes of our own recording, and the kind."""
-    if chain not in ("master", "slave"):
+    side = chain.partition(".")[0]
+    named = chain not in ("master", "slave") and Path(chain).is_file()
+    if side not in ("master", "slave") or named:
         if not Path(chain).is_file():
             raise ConfigError(
                 f"--chain {chain}: no such file; give a URDF file, or master or slave of a run"
@@ -249,12 +251,17 @@ def _links_of(
     if not is_own(recording_file(source)) or not beside.is_file():
         raise ConfigError(f"--chain {chain}: {source} is no run with its rig; give a URDF file")
     rig = load_rig(beside, choose=False)
-    arm = getattr(rig, chain).arm
-    if arm is None:
+    arms = {arm.name: arm for arm in rig.arms(side)}
+    if not arms:
         raise ConfigError(f"{beside}: {chain} has no arm; give its URDF file with --chain")
-    axes = tuple(f"{chain}.{name}" for name in getattr(rig, chain).axes)
-    links, _ = chain_links(arm)
-    return links, arm.gravity, held_at_tip(arm), axes, arm.urdf is not None
+    if chain not in arms:
+        raise ConfigError(
+            f"--chain {chain}: no such file, and the arms of {beside} are {', '.join(arms)}; give "
+            "one of them, or a URDF file"
+        )
+    keys, axes = arms[chain].keys, arms[chain].axes
+    links, _ = chain_links(keys)
+    return links, keys.gravity, held_at_tip(keys), axes, keys.urdf is not None
 
 
 def _columns(

@@ -12,7 +12,7 @@ import numpy as np
 
 from tautwave.config import Rig
 from tautwave.config.inputs.chains import chain_links, held_at_tip
-from tautwave.config.keys.arm import Arm
+from tautwave.config.keys.arm import Arm, SideArm
 from tautwave.errors import ConfigError, RecordingError, SafetyStop
 from tautwave.files import write_text
 from tautwave.models.chain.build import Body, Link, build_chain
@@ -26,7 +26,7 @@ from tautwave.models.chain.inertia import (
 )
 from tautwave.models.chain.kinematics import chain_frames
 from tautwave.models.chain.params import ChainParams
-from tautwave.rig.arms import arm_axes, load_params
+from tautwave.rig.arms import load_params
 from tautwave.session.identification.exciting import ShakenParams
 from tautwave.session.identification.identifying import record_excitation
 from tautwave.session.identification.slots import axis_slots
@@ -168,16 +168,16 @@ def identify_load(
 ) -> LoadResult:
     """Move all joints of an arm slowly, or one axis, and fit masses and centres, or its load.
 
-    Parameters are those of `identify_device`; with an arm `axis` is any of its side.
+    Parameters are those of `identify_device`; with an arm `axis` is any of its joints.
 
     Raises
     ------
     TautwaveError
         The rig is refused, the run ended in a fault or a stop, or a joint did not move enough.
     """
-    side = _side_to_weigh(rig, axis)
-    arm: Arm | None = getattr(rig, side).arm
-    names = tuple(arm_axes(rig, side)) if arm is not None else (str(axis),)
+    found = arm_to_weigh(rig, axis)
+    arm = None if found is None else found.keys
+    names = (str(axis),) if found is None else found.axes
     movers = {
         name: SlowMotion(rig, name, number, duration_s, reach) for number, name in enumerate(names)
     }
@@ -188,7 +188,7 @@ def identify_load(
         progress(1.0, "fitting")
     with run.heard.raised():
         late = run.delay.periods + run.delay.remainder_s / rig.period_s
-        weights, fit = fit_loads(out / "recording.mcap", run.rig, side, names, late)
+        weights, fit = fit_loads(out / "recording.mcap", run.rig, arm, names, late)
     rotary = arm is not None or rig.axes[names[0]].kind == "rotary"
     doubts = implausible_weights(weights, rotary)
     if doubts:
@@ -223,8 +223,9 @@ def implausible_weights(weights: Sequence[Weight], rotary: bool) -> list[str]:
     return sentences
 
 
-def _side_to_weigh(rig: Rig, axis: str | None) -> str:
-    arms = [side for side in ("master", "slave") if getattr(rig, side).arm is not None]
+def arm_to_weigh(rig: Rig, axis: str | None) -> SideArm | None:
+    """Return the arm whose joints are to be moved, None where it is the axis alone."""
+    arms = [arm for side in ("master", "slave") for arm in rig.arms(side)]
     if axis is None:
         if len(arms) == 1:
             return arms[0]
@@ -237,11 +238,11 @@ def _side_to_weigh(rig: Rig, axis: str | None) -> str:
         raise ConfigError(
             f"{axis} is an admittance axis: its drive compensates for the load itself"
         )
-    return axis.partition(".")[0]
+    return rig.arm_of(axis)
 
 
 def fit_loads(
-    path: Path, rig: Rig, side: str, names: Sequence[str], late: float
+    path: Path, rig: Rig, arm: Arm | None, names: Sequence[str], late: float
 ) -> tuple[tuple[Weight, ...], WeightFit]:
     """Fit the loads of axes to the recording of their slow motion.
 
@@ -262,7 +263,6 @@ def fit_loads(
             raise RecordingError(f"{path}: {name}: {err}") from err
     every = np.flatnonzero(np.any([joint.rows > 0.5 for joint in joints], axis=0))
     positions = np.stack([joint.position[every] for joint in joints], axis=1)
-    arm = getattr(rig, side).arm
     if arm is None:
         return _fit_axis(rig, names[0], joints, every, positions[:, 0], fit_weights)
     links, _ = chain_links(arm)
