@@ -258,11 +258,17 @@ def require_modules(name: str) -> None:
 
 
 def _find(group: str) -> dict[str, EntryPoint]:
-    return {point.name: point for point in _found(entry_points).select(group=group)}
+    """Return the entry points of a group by name."""
+    return _found(entry_points, group)
+
+
+@lru_cache(maxsize=16)
+def _found(look_up: Callable[[], Any], group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in _installed(look_up).select(group=group)}
 
 
 @lru_cache(maxsize=2)  # every call reads the metadata of all installed packages: 5 ms
-def _found(look_up: Callable[[], Any]) -> Any:
+def _installed(look_up: Callable[[], Any]) -> Any:
     """Return all entry points; until Python 3.12 they are no `EntryPoints`, but select alike."""
     return look_up()
 

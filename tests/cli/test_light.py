@@ -30,6 +30,19 @@ def test_help_and_mistakes_import_nothing_heavy(words: tuple[str, ...]) -> None:
     assert not HEAVY & {name.partition(".")[0] for name in modules}
 
 
+def test_a_process_that_ends_does_not_look_for_cycles_of_objects() -> None:
+    """That search was a sixth of a check: the process takes all memory with it anyway."""
+    code = (
+        "import atexit, gc, sys\n"
+        "atexit.register(lambda: print(gc.get_freeze_count(), file=sys.stderr))\n"
+        "sys.argv = ['tautwave', '--version']\n"
+        "from tautwave.cli import main\n"
+        "main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stderr) > 10_000
+
+
 def test_version_imports_no_command() -> None:
     assert "tautwave.cli.run" not in imported_by("--version")
 

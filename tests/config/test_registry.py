@@ -57,6 +57,23 @@ def test_missing_extra_is_named_and_the_cause_kept() -> None:
     assert isinstance(caught.value.__cause__, ModuleNotFoundError)
 
 
+def test_what_is_installed_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check of a rig looked through all entry points a hundred times, a network's a thousand."""
+    asked: list[str] = []
+
+    class Points(EntryPoints):
+        def select(self, **wanted: Any) -> EntryPoints:
+            asked.append(wanted["group"])
+            return super().select(**wanted)
+
+    points = Points([EntryPoint("wave", "tautwave.couplings.wave:plugin", registry.COUPLINGS)])
+    monkeypatch.setattr(registry, "entry_points", lambda: points)
+    for _ in range(3):
+        registry.load_coupling("wave")
+        registry.driver_names()
+    assert sorted(asked) == [registry.COUPLINGS, registry.DRIVERS]
+
+
 class _Foreign(Distribution):
     def read_text(self, filename: str) -> str | None:
         return "Name: acme-teleop\nVersion: 2.1\nProvides-Extra: usb\n"

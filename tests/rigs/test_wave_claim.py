@@ -12,7 +12,7 @@ from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
 from tautwave.couplings.wave.claim import claim_of, claimed_joules
 from tautwave.errors import ConfigError
 from tautwave.models.noise_colour import LAGS, greatest_spectrum, spectrum
-from tautwave.rig import command_delays
+from tautwave.rig import claim_verdict, command_delays
 from tautwave.rig.claim_verdict import claim_hints
 from tautwave.session.operating import claimed_span
 from tautwave.simulation import simulate
@@ -109,6 +109,38 @@ def test_a_stall_above_the_kinetic_energy_has_a_hint_which_key_lowers_it(
     loaded = rig(*changes, name=NAME)
     texts = [text for _, text in claim_hints(loaded, command_delays(loaded))]
     assert any(said in text for text in texts), texts
+
+
+@pytest.mark.parametrize("key", ["overrun_limit", "missing_limit"])
+@pytest.mark.parametrize("limit", [40, 5000])
+def test_the_limit_of_a_hint_is_the_greatest_that_helps_and_is_searched(
+    key: str, limit: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of five thousand was tried: 17 s of check."""
+    others = ("loop.overrun_limit=2", "loop.missing_limit=2")
+
+    def stall(value: int) -> float:
+        loaded = rig(*others, f"loop.{key}={value}", name=NAME)
+        claims = (claim_of(loaded, axis, command_delays(loaded)) for axis in loaded.axes)
+        return max(one.let_go / one.kinetic for one in claims if isinstance(one, Claim))
+
+    tried: list[str] = []
+    terms = claim_verdict.terms_of
+    monkeypatch.setattr(claim_verdict, "terms_of", lambda *of: (tried.append(of[1]), terms(*of))[1])
+    loaded = rig(*others, f"loop.{key}={limit}", name=NAME)
+    [hint] = claim_hints(loaded, command_delays(loaded))
+    named, _, value = str(hint.change).partition("=")
+    assert named == f"loop.{key}"
+    assert stall(int(value)) <= 1.0 < stall(int(value) + 1)
+    assert len(tried) < 40
+
+
+def test_what_an_end_may_supply_is_computed_once_for_a_rig() -> None:
+    loaded = rig(name=NAME)
+    delays = command_delays(loaded)
+    assert claim_of(loaded, "master.lever", delays) is claim_of(loaded, "master.lever", delays)
+    other = rig("loop.missing_limit=4", name=NAME)
+    assert claim_of(other, "master.lever", delays) != claim_of(loaded, "master.lever", delays)
 
 
 @pytest.mark.parametrize("changes", [(), SHORT])

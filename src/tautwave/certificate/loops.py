@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tautwave import registry
+from tautwave.analysis.grids import merged
 from tautwave.analysis.ports.loop_modes import least_damped, transfer
 from tautwave.analysis.ports.multirate import RatedEnd, least_damped_rated
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
@@ -190,7 +191,7 @@ def scattering_norm(end: LinearEnd, extra: tuple[float, ...] = ()) -> float:
     """Return the greatest |leaving wave / arriving wave| on a grid [1]; `extra`: angles w T too."""
     grid = [np.geomspace(1e-5, 0.1, 80), np.linspace(0.1, math.pi, 160)]
     grid += [at * np.geomspace(0.7, 1.4, 60) for at in extra]
-    theta = np.unique(np.clip(np.concatenate(grid), 1e-6, math.pi))
+    theta = merged(grid, 1e-6, math.pi)
     return float(np.abs(transfer(end, np.exp(1j * theta))[0]).max())
 
 

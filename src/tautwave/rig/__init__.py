@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from tautwave.rig.allowance.filling import allowances, axis_allowance
+from tautwave.rig.allowance.once import once_per_rig
 from tautwave.rig.claim_verdict import judge_claim
 from tautwave.rig.claims import axis_claim, kinetic_energy, longest_overrun
 from tautwave.rig.clips import pair_clip
@@ -104,6 +105,7 @@ __all__ = [
     "longest_overrun",
     "make_clock",
     "make_control",
+    "once_per_rig",
     "one_way_delay",
     "overlaid",
     "pair_clip",

@@ -8,8 +8,9 @@ lowers the claim.
 
 from __future__ import annotations
 
+import bisect
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from tautwave.analysis.claim import Claim, joules, short, watts
@@ -232,10 +233,7 @@ def claim_hints(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[Hint]:
             yield Hint("hint on claims", f"{much}; {change}")
             continue
         key, limit = limits[change]
-        for value in range(limit - 1, LEAST - 1, -1):
-            left = max(_let_go(rig, name, delays, key, value) for name in claims)
-            if left <= 1.0:
-                break
+        value, left = _lower_limit(rig, claims, delays, key, limit)
         text = f"{much}, most of it from loop.{key} {limit}; with {value} it is {short(left)} times"
         if left > 1.0:
             text = f"{text}, and with stall_energy_j: auto at most 1, at the cost of effort"
@@ -299,11 +297,16 @@ def _has_all(rig: Rig, axis_name: str, delays: Delays) -> bool:
 
 def _shorter_stall(rig: Rig, axis_name: str, delays: Delays) -> tuple[str, str]:
     """Return the greatest `overrun_limit` that leaves an axis all its effort, and words for it."""
-    for value in range(rig.overrun_limit - 1, LEAST - 1, -1):
-        loop = rig.loop.model_copy(update={"overrun_limit": value})
-        if _has_all(rig.model_copy(update={"loop": loop}), axis_name, delays):
-            return f"loop.overrun_limit={value}", f"; with loop.overrun_limit {value} all of it"
-    return "", ""
+
+    def falls_short(value: int) -> bool:
+        return not _has_all(_with_loop(rig, "overrun_limit", value), axis_name, delays)
+
+    tried = range(LEAST, rig.overrun_limit)
+    enough = bisect.bisect_left(tried, True, key=falls_short)
+    if not enough:
+        return "", ""
+    value = tried[enough - 1]
+    return f"loop.overrun_limit={value}", f"; with loop.overrun_limit {value} all of it"
 
 
 def _more_energy(rig: Rig, axis_name: str, delays: Delays) -> tuple[str, str]:
@@ -327,12 +330,32 @@ def _more_energy(rig: Rig, axis_name: str, delays: Delays) -> tuple[str, str]:
     return "", "; its load is too heavy, or its velocity_limit too low, for its effort_rate_limit"
 
 
-def _let_go(
-    rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay], key: str, value: int
-) -> float:
-    """Return what a stall gives with another limit of the loop, over the kinetic energy."""
-    loop = rig.loop.model_copy(update={key: value})
-    claim = terms_of(rig.model_copy(update={"loop": loop}), axis_name, delays)
+def _lower_limit(
+    rig: Rig, names: Iterable[str], delays: Delays, key: str, limit: int
+) -> tuple[int, float]:
+    """Return the greatest lower limit of the loop with which a stall gives no more than it may.
+
+    And what it then gives, over the kinetic energy; of the least limit where none is low enough. A
+    longer stall never gives less, so not each of some thousand limits is tried.
+    """
+
+    def left(value: int) -> float:
+        lower = _with_loop(rig, key, value)
+        return max(_let_go(lower, name, delays) for name in names)
+
+    tried = range(LEAST, limit)
+    value = tried[max(bisect.bisect_right(tried, 1.0, key=left) - 1, 0)]
+    return value, left(value)
+
+
+def _with_loop(rig: Rig, key: str, value: int) -> Rig:
+    """Return a rig with another limit of the loop."""
+    return rig.model_copy(update={"loop": rig.loop.model_copy(update={key: value})})
+
+
+def _let_go(rig: Rig, axis_name: str, delays: Delays) -> float:
+    """Return what a stall gives, over the kinetic energy."""
+    claim = terms_of(rig, axis_name, delays)
     assert isinstance(claim, Claim)
     return claim.let_go / claim.kinetic
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.analysis.grids import merged
 from tautwave.models.linear import flow_rows
 from tautwave_scenes.networks.sampled import PortMap
 
@@ -66,7 +67,7 @@ def needed_together(law: PortMap, damping: Matrix, delays: Matrix) -> JointNeed:
         for pole in poles[poles.imag > 0.0]:
             width = max(-math.log(abs(pole)), 1e-9)
             grid.append(abs(np.angle(pole)) + width * np.linspace(-20.0, 20.0, 81))
-    theta = np.unique(np.clip(np.concatenate(grid), 1e-6, math.pi))
+    theta = merged(grid, 1e-6, math.pi)
     leak = leak_together(law, theta, delays)
     alone = tuple(max(float(leak[:, i, i].real.max()), 0.0) for i in range(axes))
     root = np.sqrt(np.maximum(damping, 1e-300))

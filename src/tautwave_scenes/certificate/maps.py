@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.analysis.grids import merged
 from tautwave.analysis.walls.passivity import needed_damping
 from tautwave.analysis.walls.sampled import PulseTransfer
 from tautwave_scenes.certificate.contacts import Regime
@@ -65,7 +66,7 @@ def needed(scene: LinearScene, delay: float) -> Need:
     for pole in poles[poles.imag > 0.0]:
         width = max(-math.log(abs(pole)), 1e-9)
         grid.append(abs(np.angle(pole)) + width * np.linspace(-30.0, 30.0, 241))
-    theta = np.unique(np.clip(np.concatenate(grid), 1e-6, math.pi))
+    theta = merged(grid, 1e-6, math.pi)
     leak = leak_over(scene, theta, delay)
     at = int(np.argmax(leak))
     hz = float(theta[at]) / (2.0 * math.pi * scene.period)

@@ -26,6 +26,7 @@ from tautwave.analysis.exact.positive_real import (
     resistance,
 )
 from tautwave.analysis.exact.rational import Rational, Response
+from tautwave.analysis.grids import merged
 from tautwave.errors import ConfigError
 
 Floats = npt.NDArray[np.float64]
@@ -123,7 +124,7 @@ def axis_grid(k: Response, low: float, high: float, points: int = 2000) -> Float
                 f"{high:.3g} rad/s is {high / turn:.3g} turns of the delay: choose a lower band"
             )
         parts.append(np.linspace(low, high, int(count) + 2))
-    w = np.unique(np.concatenate(parts))
+    w = merged(parts)
     return np.asarray(w[(w >= low) & (w <= high)], np.float64)
 
 

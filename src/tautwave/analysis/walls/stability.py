@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from tautwave.analysis.grids import merged
 from tautwave.analysis.ports.loop_modes import Mode
 from tautwave.analysis.ports.sampled_loop import Device, Matrix
 from tautwave.analysis.walls.sampled import SampledWall, check_wall, split_delay, velocity_gain
@@ -240,7 +241,7 @@ def _angles(wall: SampledWall, device: Device) -> Floats:
     even = np.linspace(1e-3, math.pi, 200 + 80 * math.ceil(periods + 1.0))
     low = np.geomspace(1e-11, 0.05, 700)
     high = math.pi - np.geomspace(1e-7, 0.05, 200)
-    return np.unique(np.concatenate([even, low, high]))
+    return merged([even, low, high])
 
 
 def _crossings(gain: Callable[[Floats], Complexes], theta: Floats, period: float) -> list[Crossing]:
@@ -289,7 +290,7 @@ def _with_dips(gain: Callable[[Floats], Complexes], theta: Floats) -> Floats:
         angles.append(points[lowest, columns])
         low = points[np.maximum(lowest - 1, 0), columns]
         high = points[np.minimum(lowest + 1, 8), columns]
-    return np.unique(np.concatenate(angles))
+    return merged(angles)
 
 
 def _polish(wall: SampledWall, device: Device, roots: Complexes) -> Complexes:

@@ -18,6 +18,7 @@ Sources: derived here.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -74,6 +75,7 @@ def swing_power(
     return SwingPower(size[0], cross + 0.5, size[1] - p.slip)
 
 
+@functools.lru_cache(maxsize=256)
 def lag_power(
     p: PortParams,
     observer: ObserverParams,

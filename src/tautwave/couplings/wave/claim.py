@@ -26,7 +26,14 @@ from tautwave.couplings.wave.from_keys import (
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.laws.port import port_reserve
 from tautwave.laws.ramp import ramp_bound, ramp_params
-from tautwave.rig import axis_allowance, axis_claim, coupled_axis, line_delay, wall_params
+from tautwave.rig import (
+    axis_allowance,
+    axis_claim,
+    coupled_axis,
+    line_delay,
+    once_per_rig,
+    wall_params,
+)
 from tautwave.types import CommandDelay
 from tautwave.wording import Standing
 
@@ -125,6 +132,11 @@ def allowance_of(rig: Rig, axis_name: str, delays: Delays) -> AxisAllowance:
 
 def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     """Return what the port of an axis may supply, or the keys without which it is unbounded."""
+    return _claim_of(rig, axis_name, delays[axis_name])
+
+
+@once_per_rig
+def _claim_of(rig: Rig, axis_name: str, delay: CommandDelay) -> Claim | str:
     side = axis_name.split(".")[0]
     axis, pair = rig.axes[axis_name], rig.coupling.pairs[axis_name.split(".")[1]]
     assert isinstance(pair, WavePair)
@@ -132,8 +144,8 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
     missing = [key for key in needed if getattr(axis, key) is None]
     if missing:
         return " and ".join(missing)
-    known = coupled_axis(rig, axis_name, delays[axis_name])
-    own = axis_claim(rig, axis_name, delays[axis_name])
+    known = coupled_axis(rig, axis_name, delay)
+    own = axis_claim(rig, axis_name, delay)
     if axis.inertia is None:
         port = servo_port(pair, side, known)
         return own._replace(
@@ -152,7 +164,7 @@ def claim_of(rig: Rig, axis_name: str, delays: Delays) -> Claim | str:
         known.velocity_limit,
     )
     walled = local_wall(rig, axis_name) is not None
-    debt = wall_params(rig, axis_name, delays[axis_name]).reserve if walled else 0.0
+    debt = wall_params(rig, axis_name, delay).reserve if walled else 0.0
     ramp = ramp_params(known.period, axis.inertia.lower, known.effort_rate)
     return own._replace(
         reserve=reserve,
