@@ -21,6 +21,7 @@ BIN = Path(sys.executable).parent
 ELSEWHERE = {
     "python3 -m venv": "the wheel step of .ci/run installs into an empty environment",
     ".venv/bin/pip install": "the same",
+    ".venv/bin/tautwave": "the same",
     ".venv/bin/pytest": "it is this",
     "pip install": "the wheel step of .ci/run",
     "sudo ip link": "needs a kernel with CAN; .ci/vcan makes one",
