@@ -22,7 +22,7 @@ from tautwave.config.law import certified_law, choose_law
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
 from tautwave.config.pieces import take_apart
-from tautwave.config.shipped import example_named
+from tautwave.config.shipped import offer_example
 from tautwave.config.text.document import Document, open_document, read_text
 from tautwave.config.text.overrides import apply_overrides
 from tautwave.config.text.yaml12 import KeyPath
@@ -56,8 +56,7 @@ def load_rig(path: str | Path, overrides: Sequence[str] = (), *, choose: bool = 
         Anything is wrong; `problems` holds every mistake with its line.
     """
     path = Path(path)
-    if not path.exists() and (name := example_named(path)):
-        raise ConfigError(f"{path}: no such file; `tautwave example {name}` copies it here")
+    offer_example(path)
     return parse_rig(read_text(path), path, overrides, choose=choose)
 
 

@@ -60,6 +60,18 @@ def example_named(path: Path) -> str:
     return next((name for name in names if name.rpartition("/")[2] == wanted), "")
 
 
+def offer_example(path: Path) -> None:
+    """Refuse a file that is not there, but is named like an example, and say how to get it.
+
+    Raises
+    ------
+    ConfigError
+        It is so.
+    """
+    if not path.exists() and (name := example_named(path)):
+        raise ConfigError(f"{path}: no such file; `tautwave example {name}` copies it here")
+
+
 def examples() -> list[Example]:
     """Return every shipped rig and sweep, by name."""
     folder = shipped_folder()

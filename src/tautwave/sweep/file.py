@@ -15,6 +15,7 @@ from pydantic import Field
 from tautwave.config import Rig
 from tautwave.config.keys.common import Block, Name, Positive
 from tautwave.config.messages import validate
+from tautwave.config.shipped import offer_example
 from tautwave.config.text.document import Document, nearest, open_document, read_text, show_path
 from tautwave.config.text.yaml12 import KeyPath
 from tautwave.errors import ConfigError
@@ -146,6 +147,7 @@ def read_sweep_file(path: Path) -> Document:
     ConfigError
         It is not YAML, or is a file for something else.
     """
+    offer_example(path)
     return open_document(read_text(path, "sweep file"), str(path), path.parent, "sweep file")
 
 
