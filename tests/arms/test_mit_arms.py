@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,11 @@ import pytest
 
 from tautwave.certificate.verdict import certify
 from tautwave.config import load_rig
+from tautwave.rig import command_delays
+from tautwave.rig.arms import beyond_file, joint_names
+from tautwave.session.claims import claims_of
+from tests.arms.openarms import ARMS, pair_of
+from tests.arms.openarms import JOINTS as SEVEN
 from tests.rigs.running import books, run_rig
 
 RIG = Path(__file__).parents[2] / "configs" / "arms" / "six-mit.yaml"
@@ -64,6 +70,7 @@ def test_the_follower_goes_where_the_leader_does_and_carries_itself() -> None:
 
 
 OPENARM = RIG.with_name("openarm.yaml")
+BIMANUAL = RIG.with_name("openarm-bimanual.yaml")
 LEFT = {"tip": "left_hand", "j1": "[-3.49, 1.39]", "j2": "[-3.31, 0.17]"}
 
 
@@ -79,19 +86,26 @@ def left_arms() -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("overrides", [[], left_arms()], ids=["right", "left"])
-def test_openarms_carry_themselves_by_what_their_motors_damp(overrides: list[str]) -> None:
-    rig = load_rig(OPENARM, overrides)
+@pytest.mark.parametrize(
+    ("path", "overrides", "pairs"),
+    [(OPENARM, [], 1), (OPENARM, left_arms(), 1), (BIMANUAL, [], 2)],
+    ids=["right", "left", "both"],
+)
+def test_openarms_carry_themselves_by_what_their_motors_damp(
+    path: Path, overrides: list[str], pairs: int
+) -> None:
+    rig = load_rig(path, overrides)
     found = certify(rig, brief=True)
     assert found.passed
     loads = {one.axis: one for one in found.elements if one.kind == "load"}
-    assert len(loads) == 14
+    assert len(loads) == 14 * pairs
     for name, one in loads.items():
         assert one.passive.passed
         assert one.numbers["damping_margin"] > 0.0
-        if name.endswith((".j1", ".j2")):  # it is not the joint's own that is enough
+        if name.endswith(("j1", "j2")):  # it is not the joint's own that is enough
             assert one.numbers["needed_damping"] > rig.axes[name].damping.lower
-    assert [one.passive.passed for one in found.elements if one.kind == "wall"] == [True]
+    walls = [one.passive.passed for one in found.elements if one.kind == "wall"]
+    assert walls == [True] * pairs
 
 
 @pytest.mark.slow
@@ -129,3 +143,57 @@ def test_an_openarm_follows_another_and_the_wall_is_felt_at_its_elbow() -> None:
             assert np.sqrt(np.mean(error**2)) < 3e-3
         assert np.abs(run[f"slave.{joint}.port_effort"]).max() > 0.01  # all are coupled
     assert run["slave.j4.wall_effort"].max() > 1.0
+
+
+def test_each_of_four_openarms_is_on_its_own_bus_and_chain() -> None:
+    rig = load_rig(BIMANUAL, choose=False)
+    arms = [arm for side in ("master", "slave") for arm in rig.arms(side)]
+    assert [arm.name for arm in arms] == [
+        "master.left", "master.right", "slave.left", "slave.right",
+    ]  # fmt: skip
+    assert len({rig.axes[name].bus for arm in arms for name in arm.axes}) == len(arms)
+    for arm in arms:
+        side, _, own = arm.name.partition(".")
+        assert not any("position_range" in one for one in beyond_file(rig, arm))
+        joints = joint_names(rig, side)
+        assert [joints[name] for name in arm.axes] == [f"{own}_{joint}" for joint in SEVEN]
+
+
+@pytest.mark.slow
+def test_the_right_pair_of_four_openarms_does_what_it_does_alone() -> None:
+    """To the bit: nothing of the other pair, beside it in one loop, comes into its rows."""
+    both, alone = (run_rig(load_rig(path), duration_s=0.1) for path in (BIMANUAL, OPENARM))
+    compared = 0
+    for name in alone.columns:
+        column = re.sub(r"\b(j\d)\b", r"right_\1", name)
+        if column == name and name.startswith(("arm.", "load.")):
+            column = re.sub("(master|slave)", r"\1.right", name)
+        if column != name:
+            assert np.array_equal(both[column], alone[name], equal_nan=True), column
+            compared += 1
+    assert compared > 14 * 20
+    assert np.ptp(both["true.slave.left_j4.position"]) > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.nightly
+@pytest.mark.timeout(900)
+def test_two_openarms_follow_two_others_and_their_walls_are_felt_at_the_elbows() -> None:
+    rig = load_rig(BIMANUAL)
+    run = run_rig(rig, duration_s=3.2)
+    for arm in ARMS:
+        for joint in SEVEN:
+            found = books(run, f"{arm}_{joint}")
+            assert found.residual < 1e-9 * max(found.gross_flow, 1e-3)
+        pair = pair_of(run.__getitem__, rig, arm)
+        assert max(pair.rms.values()) < 3e-3
+        assert pair.stiffness == pytest.approx(30.0, rel=1e-2)
+        assert 0.8 * 30.0 < pair.felt_stiffness < 30.0
+        for side in ("master", "slave"):
+            assert 0.3 * 10.6 < pair.carried[side] < 10.6
+            # What the weight took or gave beyond its own height is little of what it lifted.
+            assert run[f"load.{side}.{arm}.given"][-1] < 0.01
+    for claim in claims_of(rig, command_delays(rig)):
+        assert claim.stated is not None
+        given = -run[f"{claim.axis}.port_energy"]
+        assert given.max() < claim.stated.prompt_j

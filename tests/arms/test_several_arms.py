@@ -96,6 +96,7 @@ REFLECTED: dict[str, Tree] = {
 }
 
 
+@pytest.mark.sparse(2)
 @pytest.mark.parametrize("keys", REFLECTED.values(), ids=REFLECTED)
 def test_two_arms_in_one_rig_do_what_they_do_in_two(keys: dict[str, Tree]) -> None:
     both = rig_of(tree(**keys))
@@ -269,6 +270,7 @@ REFUSED = (
 )
 
 
+@pytest.mark.sparse(3)
 @pytest.mark.parametrize(("override", "said"), REFUSED, ids=[said[:40] for _, said in REFUSED])
 def test_wrong_arms_are_refused_with_their_place(override: str, said: str) -> None:
     with pytest.raises(ConfigError) as caught:

@@ -29,6 +29,7 @@ HEAVY = (
     "scene",
     "dynamixel",
     "mixed",
+    "bimanual",
 )
 
 

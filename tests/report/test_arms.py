@@ -77,6 +77,22 @@ def test_arms_are_drawn_side_by_side_light_and_dark(height: float, tmp_path: Pat
         assert moving.n_frames == 3  # type: ignore[attr-defined]
 
 
+def test_more_than_two_arms_stand_in_rows_each_in_its_place() -> None:
+    view = a_view(0.3)
+    names = ("master.left", "master.right", "slave.left", "slave.right")
+    sides = (name.partition(".")[0] for name in names)
+    arms = [view.arms[1]._replace(name=n, side=s) for n, s in zip(names, sides, strict=True)]
+    four = Image.open(io.BytesIO(arms_still(view._replace(arms=arms), False)))
+    size = 360 * OVER
+    assert four.size == (2 * size, 2 * size)
+    spots = [(x, y, x + size, y + size) for y in (0, size) for x in (0, size)]
+    for arm, spot in zip(arms, spots, strict=True):
+        alone = Image.open(io.BytesIO(arms_still(view._replace(arms=[arm]), False)))
+        above = (0, 0, size, size - 24 * OVER)  # the time stands below
+        part = four.crop(spot).crop(above)
+        assert np.array_equal(np.asarray(part), np.asarray(alone.crop(above)))
+
+
 def test_captions_arrows_and_shadows_keep_clear_of_each_other() -> None:
     view = a_view(0.3)
     push = np.zeros((3, 3))

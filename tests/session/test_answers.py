@@ -96,6 +96,7 @@ def test_lines_of_a_program_are_kept_for_their_questions() -> None:
         "arms-loopback",
         pytest.param("arms/koch", marks=pytest.mark.slow),
         pytest.param("arms/openarm", marks=pytest.mark.slow),
+        pytest.param("arms/openarm-bimanual", marks=pytest.mark.slow),
         pytest.param("so101-hls-sim", marks=pytest.mark.slow),
     ],
 )

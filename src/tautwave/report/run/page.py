@@ -98,8 +98,8 @@ def body_of(run: Run) -> Iterator[Part]:
 def _motion(run: Run) -> Iterator[Part]:
     """The content for a run with at least one cycle."""
     yield from _operation(run)
+    yield from _arms(run)  # before the pairs: pictures of many pairs leave no room for it
     yield from pair_parts(run)
-    yield from _arms(run)
     if run.ports:
         yield from page_hooks().parts(run)
     yield from _link(run)
