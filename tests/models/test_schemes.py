@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from tautwave.models.foam import FoamParams, elastic_energy, foam_step, foam_stored
-from tautwave.models.integrators.adaptive import dormand_prince_substep
-from tautwave.models.integrators.edges import PRESSING
+from tautwave.models.integrators.adaptive import PRESSING, dormand_prince_substep
 from tautwave.models.integrators.schemes import (
     DISCRETE_GRADIENT,
     DORMAND_PRINCE,

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tautwave.laws.port import port_close, port_effort, port_params
-from tautwave_scenes.networks.delay_line import DelayLine
+from tautwave_scenes.networks.strings import DelayLine
 from tests.laws.loops import RICH, Device, matrix_of
 from tests.laws.waves import decode_effort, decode_velocity, encode_wave
 

@@ -7,9 +7,9 @@ import random
 
 import pytest
 
-from tautwave_scenes.networks.delay_line import DelayLine
 from tautwave_scenes.networks.live import SceneModel
 from tautwave_scenes.networks.network import Link, Network, String
+from tautwave_scenes.networks.strings import DelayLine
 
 PERIOD = 1.0 / 44_100.0
 APART = Link("apart", "contact", "string", "hand", stiffness=1.0, rest=-9.0)  # never touches

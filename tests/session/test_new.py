@@ -22,9 +22,9 @@ from tautwave.session.new.surveying import Place, survey
 from tautwave.types import FoundBus, FoundDevice
 from tautwave_drivers.canopen import plugin as canopen
 from tautwave_drivers.canopen.scan import ScanOptions as CanScan
-from tautwave_drivers.dynamixel.plugin import plugin as dynamixel
+from tautwave_drivers.dynamixel import plugin as dynamixel
 from tautwave_drivers.dynamixel.scan import ScanOptions
-from tautwave_drivers.modbus.plugin import plugin as modbus
+from tautwave_drivers.modbus import plugin as modbus
 from tautwave_drivers.modbus.scan import ScanOptions as ModbusScan
 from tests.commands import end_stops
 

@@ -24,7 +24,7 @@ from tautwave_drivers.adapter import USB_S, set_latency_timer
 from tautwave_drivers.causes import wrong_text
 from tautwave_drivers.dynamixel.bringup import Bringup, Limits, watchdog_units
 from tautwave_drivers.dynamixel.enabling import Enabling
-from tautwave_drivers.dynamixel.exchange import Exchange, Timing
+from tautwave_drivers.dynamixel.exchange import Exchange, Staging, Timing
 from tautwave_drivers.dynamixel.fast_path import FIELDS, STATUS_FIELDS
 from tautwave_drivers.dynamixel.leaving import leave, leave_again, torque_packet
 from tautwave_drivers.dynamixel.line.transactions import Line, PacketLine, Response, ping_all
@@ -39,7 +39,6 @@ from tautwave_drivers.dynamixel.protocol.units import (
     scale_of,
     whole_turns,
 )
-from tautwave_drivers.dynamixel.staging import Staging
 from tautwave_drivers.dynamixel.state import FORGETS_NS, Errors, Remembered
 from tautwave_drivers.dynamixel.watching import Watch
 from tautwave_drivers.serial_port import SerialPort

@@ -6,7 +6,7 @@ This package knows nothing of what is drawn; matplotlib is imported for the firs
 
 from __future__ import annotations
 
-from tautwave.canvas.paint import alone, paper, png, svg
+from tautwave.canvas.paint import alone, paper, png, save_figure, svg
 from tautwave.canvas.palette import (
     BAND,
     CONTACTS,
@@ -31,7 +31,6 @@ from tautwave.canvas.palette import (
     dark_rules,
     element_style,
 )
-from tautwave.canvas.saved import save_figure
 from tautwave.canvas.sheet import heading, key, legend, note, panels, plain, text_panel
 from tautwave.canvas.style import PAGE, Style, find_font, styled
 

@@ -1,10 +1,11 @@
-"""Figures as bytes: SVG for pages, light and dark in one; PNG; PDF and SVG for papers."""
+"""Figures as bytes and files: PNG to look at; SVG for pages, light and dark in one; PDF."""
 
 from __future__ import annotations
 
 import io
 import re
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from tautwave.canvas.palette import DARK, PAPER, dark_rules
 from tautwave.canvas.sheet import arrange, style_of
 from tautwave.canvas.style import settings
+from tautwave.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,3 +142,24 @@ def _shorter(found: re.Match[str]) -> str:
         if "C" not in path and "Q" not in path
         else f' d="{path}"'
     )
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def save_figure(figure: Figure, path: Path, title: str = "") -> Path:
+    """Write a figure as PNG, and as SVG (light and dark) and PDF of the same name; return `path`.
+
+    `title`: description of the SVG for screen readers; default: the name of the file.
+
+    Raises
+    ------
+    WritingError
+        A file cannot be written.
+    """
+    write_bytes(path, png(figure))
+    drawn = alone(svg(figure, path.stem, title or path.stem.replace("-", " ")))
+    write_bytes(path.with_suffix(".svg"), drawn.encode())
+    write_bytes(path.with_suffix(".pdf"), paper(figure, "pdf"))
+    return path

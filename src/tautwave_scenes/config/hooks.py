@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from tautwave.config.inputs.recordings import find_recording
 from tautwave.config.keys.control import ControlKeys
 from tautwave.config.pieces import Parts
 from tautwave.config.text.document import Document
@@ -11,7 +12,6 @@ from tautwave_scenes.config.checks import check_scene
 from tautwave_scenes.config.checks3d import check_dimension, check_scene3d
 from tautwave_scenes.config.keys import Scene
 from tautwave_scenes.config.keys3d import AnyScene, Scene3d, scene_kind
-from tautwave_scenes.config.meshes import name_meshes as name_files
 from tautwave_scenes.config.sounds import complete_sound
 
 __all__ = ["blocks", "check", "complete", "model_for", "name_files"]
@@ -47,3 +47,14 @@ def complete(document: Document, keys: ControlKeys) -> ControlKeys:
     }
     output = keys.output.model_copy(update={"port": port})
     return keys.model_copy(update={"output": output, "forces": forces})
+
+
+def name_files(document: Document) -> None:
+    """Make the paths of mesh files absolute; relative ones start at the rig file."""
+    for kind in ("tissues", "solids"):
+        bodies = document.get(("scene", kind))
+        for name, keys in bodies.items() if isinstance(bodies, dict) else ():
+            file = keys.get("mesh") if isinstance(keys, dict) else None
+            if isinstance(file, str):
+                absolute = find_recording(document, ("scene", kind, name, "mesh"), file)
+                keys["mesh"] = str(absolute or (document.folder / file).resolve())

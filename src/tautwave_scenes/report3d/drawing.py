@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -20,8 +21,8 @@ from tautwave.canvas import EDGE, GRID, INK, MASTER, PAPER, SHADE, SLAVE, SOFT
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.figures.frames import LIGHT, OVER, Colours, ground, save_frames
 from tautwave_scenes.models.link_kinds import LINK_KINDS
+from tautwave_scenes.networks3d.network import Network3d
 from tautwave_scenes.report.drawing import HEIGHT, WIDTH, pick_rows, still_png
-from tautwave_scenes.report3d.tissue import Triangle, edges_at_rest, strain_of, surface_of
 from tautwave_scenes.report3d.view import View3d, project
 
 DRAWN = ("spring", "damper")
@@ -245,3 +246,38 @@ def _draw(view: View3d, frame: _Frame, row: int, title: str, hue: Colours = LIGH
     place = (0.01 * WIDTH * OVER, (frame.height - 0.07 * HEIGHT) * OVER)
     pen.text(place, caption, fill=hue[SOFT], font_size=13 * OVER)
     return image
+
+
+Triangle = tuple[str, str, str]
+
+
+def surface_of(network: Network3d) -> list[Triangle]:
+    """Return the triangles of all tissues that belong to one element only."""
+    seen: dict[frozenset[str], Triangle | None] = {}
+    for element in network.elements:
+        for corners in itertools.combinations(element.corners, 3):
+            key = frozenset(corners)
+            seen[key] = None if key in seen else corners
+    return [triangle for triangle in seen.values() if triangle is not None]
+
+
+def edges_at_rest(network: Network3d) -> dict[frozenset[str], float]:
+    """Return the length of each edge of a tissue without stress [m]."""
+    lengths: dict[frozenset[str], float] = {}
+    for element in network.elements:
+        for (one, a), (two, b) in itertools.combinations(
+            zip(element.corners, element.rest, strict=True), 2
+        ):
+            lengths[frozenset((one, two))] = float(np.linalg.norm(np.subtract(a, b)))
+    return lengths
+
+
+def strain_of(
+    triangle: Triangle, at: Mapping[str, Floats], rest: Mapping[frozenset[str], float]
+) -> Floats:
+    """Return the greatest stretch of a triangle's edges over time, as a share of their length."""
+    shares = [
+        np.linalg.norm(at[one] - at[two], axis=1) / rest[frozenset((one, two))] - 1.0
+        for one, two in itertools.combinations(triangle, 2)
+    ]
+    return np.asarray(np.abs(shares).max(axis=0))

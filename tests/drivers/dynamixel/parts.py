@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from tautwave.clock import FakeClock
 from tautwave.contracts import AxisSpec, BusSpec
 from tautwave.types import AxisCommand, JointState
+from tautwave_drivers.dynamixel import plugin
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
 from tautwave_drivers.dynamixel.options import DynamixelOptions
-from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_sim.dynamixel import simulator
 from tests.sim.truths import truth
 

@@ -9,7 +9,7 @@ import pytest
 from tautwave.contracts import AxisSpec
 from tautwave.errors import ConfigError, DeviceFault, DriverError
 from tautwave.types import AxisCommand
-from tautwave_drivers.dynamixel.plugin import plugin
+from tautwave_drivers.dynamixel import plugin
 from tests.drivers.dynamixel.parts import Bench, bench, servo, spec
 
 EEPROM_END = 64

@@ -13,7 +13,7 @@ from tautwave.clock import FakeClock
 from tautwave.errors import DeviceFault, DriverError
 from tautwave.types import AxisCommand, Fault, JointState
 from tautwave_drivers.dynamixel import driver as driver_module
-from tautwave_drivers.dynamixel.plugin import plugin
+from tautwave_drivers.dynamixel import plugin
 from tests.drivers.dynamixel.parts import block, bus_of, servo, spec
 from tests.foreign import servo_line
 from tests.foreign.servo_line import ServoLine

@@ -8,8 +8,8 @@ import tty
 
 import pytest
 
+from tautwave_drivers.dynamixel import plugin
 from tautwave_drivers.dynamixel.measure import _sdk_cycle, _sdk_fast, bytes_of
-from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_drivers.dynamixel.protocol import packet
 from tautwave_drivers.dynamixel.protocol.fast import FastStatus
 

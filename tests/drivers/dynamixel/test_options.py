@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
+from tautwave_drivers.dynamixel import plugin
 from tautwave_drivers.dynamixel.options import DynamixelOptions, match_servos
-from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_drivers.dynamixel.protocol.models import MODELS
 from tests.drivers.dynamixel.parts import block, bus_of, options_of, servo, spec
 

@@ -20,8 +20,8 @@ import serial  # type: ignore[import-untyped]
 from tautwave.clock import MonotonicClock
 from tautwave.errors import DriverError
 from tautwave_drivers import serial_port
+from tautwave_drivers.dynamixel import plugin
 from tautwave_drivers.dynamixel.driver import DynamixelDriver
-from tautwave_drivers.dynamixel.plugin import plugin
 from tautwave_drivers.dynamixel.scan import ScanOptions, scan
 from tautwave_drivers.serial_port import SerialPort
 from tests.drivers.dynamixel.parts import bus_of, options_of, servo, spec

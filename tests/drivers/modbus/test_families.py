@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from tautwave.errors import ConfigError
+from tautwave_drivers.modbus import plugin
 from tautwave_drivers.modbus.budget import budget
-from tautwave_drivers.modbus.plugin import plugin
 from tautwave_drivers.modbus.profile import load_profile, parse_profile
 from tests.drivers.modbus.parts import FAST_RTU, Bench, bench, bus_of, options_of, spec
 

@@ -9,7 +9,7 @@ import pytest
 from tautwave.clock import FakeClock
 from tautwave.errors import ConfigError, DriverError
 from tautwave.types import AxisCommand
-from tautwave_drivers.modbus.plugin import plugin
+from tautwave_drivers.modbus import plugin
 from tests.drivers.modbus.parts import bus_of, device, options_of, spec
 from tests.foreign import modbus_drive
 from tests.foreign.modbus_drive import Drive, DriveLine

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from tautwave.errors import ConfigError
+from tautwave_drivers.modbus.options import SensorRegister, check_reports
 from tautwave_drivers.modbus.profile import load_profile
-from tautwave_drivers.modbus.reports import SensorRegister, check_reports
 from tests.drivers.modbus.parts import spec
 
 PROFILE = load_profile("generic")

@@ -11,9 +11,9 @@ import pytest
 
 from tautwave.errors import BusTimeout, ConfigError, DriverError
 from tautwave.types import AxisCommand
+from tautwave_drivers.modbus import plugin
 from tautwave_drivers.modbus.options import match_devices
-from tautwave_drivers.modbus.plugin import plugin
-from tautwave_drivers.modbus.unwrapping import ROUND, Unwrapper
+from tautwave_drivers.modbus.station import ROUND, Unwrapper
 from tests.drivers.modbus.parts import bus_of, device, options_of, spec
 from tests.drivers.modbus.test_foreign import Rig, assert_off, cut_power_at, rig
 from tests.foreign.modbus_drive import POSITION, Drive, crc16
