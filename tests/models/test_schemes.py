@@ -8,9 +8,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
+from scipy.integrate import solve_ivp
 
 from tautwave.models.foam import FoamParams, elastic_energy, foam_step, foam_stored
-from tautwave.models.integrators.adaptive import PRESSING, dormand_prince_substep
+from tautwave.models.integrators.adaptive import (
+    CLIPPED,
+    FREE,
+    PRESSING,
+    dormand_prince_substep,
+)
 from tautwave.models.integrators.schemes import (
     DISCRETE_GRADIENT,
     DORMAND_PRINCE,
@@ -120,6 +126,35 @@ def test_dormand_prince_is_of_order_five_and_its_estimate_one_less() -> None:
     errors = [math.hypot((x - fine[0]) * 300.0, v - fine[1]) for x, v, _ in found]
     assert slope(steps, errors) == pytest.approx(5.0, abs=0.5)
     assert slope(steps, [most for *_, most in found]) == pytest.approx(5.0, abs=0.5)
+
+
+@pytest.mark.parametrize("kind", [PRESSING, FREE, CLIPPED])
+def test_a_step_of_dormand_prince_is_exact_to_its_order_in_all_that_it_returns(kind: int) -> None:
+    """Against its equations written anew: a stage that is off by a little has a lower order."""
+    p = plant(0.1, 0.3, 0.0, (50.0, 0.5), (80.0, 0.002))
+    foam = contact(DORMAND_PRINCE, 1.5, 1e4, loss=0.4)
+    aim, rate, push, start = 0.012, 0.9, 0.5, (0.01, 0.2)
+    side, wall = foam.side, foam.position
+
+    def flow(t: float, y: Any) -> list[float]:
+        x, v = y[0], y[1]
+        slip = rate - v
+        grip = 50.0 * (aim + rate * t - x) + 0.5 * slip
+        elastic = 1e4 * max(0.0, side * (x - wall)) ** 1.5
+        pull = elastic * (1.0 + 0.4 * side * v) if kind == PRESSING else 0.0
+        lost = (pull - elastic) * side * v if kind != FREE else 0.0
+        force = push + grip - 0.3 * v - 80.0 * (x - 0.002) - side * pull
+        return [v, force / 0.1, rate * grip, 0.5 * slip * slip, v * v, lost]
+
+    def errors(t: float) -> list[float]:
+        true = solve_ivp(flow, (0.0, t), [*start, 0, 0, 0, 0], "DOP853", rtol=1e-13, atol=1e-18)
+        x, v, _, _, *sums = dormand_prince_substep(p, foam, kind, push, aim, rate, *start, t)
+        return [abs(one - float(w)) for one, w in zip((x, v, *sums), true.y[:, -1], strict=True)]
+
+    spans = (4e-3, 2.8e-3, 2e-3)
+    for number, column in enumerate(zip(*(errors(t) for t in spans), strict=True)):
+        if max(column) > 1e-15:
+            assert slope(spans, column) > 5.2, number
 
 
 @pytest.mark.parametrize(("v0", "effort", "slide"), [(0.7, 0.0, 0.0), (0.7, 0.4, 0.2)])

@@ -101,9 +101,10 @@ def hand_effort(
     """
     wanted = grip * align_effort(p.law, reference, rate, position, velocity)
     wanted = gate_effort(p.law, wanted, velocity, given, p.allowance)
+    if not math.isfinite(wanted):  # before the room: of a NaN min and max would make its end
+        return 0.0
     low, high = room
-    wanted = max(low, min(high, wanted))
-    return truncate(wanted, p.quantum) if math.isfinite(wanted) else 0.0
+    return truncate(max(low, min(high, wanted)), p.quantum)
 
 
 def hand_room(
