@@ -1,19 +1,25 @@
 """What each pair of the ready rig of four OpenArms does: numbers of docs/start/two-openarms.md.
 
     python -m tests.arms.openarms RUN
+    python -m tests.arms.openarms --host
 
 RUN is the directory of `tautwave run configs/arms/openarm-bimanual.yaml --clock fake`. Printed for
 the left and the right pair: errors of the joints that no wall holds once they are coupled, the
 follower's wall where it is pushed most, and what the leader's motor gives there per angle beyond
-it, what the arms carry at most, and what a joint may supply while the host is prompt.
+it, what the arms carry at most, and what a joint may supply while the host is prompt. `--host`:
+CPU of the host's part of a cycle, with one pair of arms and with both: all that is done but the
+simulated devices, without a system's sockets; a median of interleaved runs.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from statistics import median
+from typing import Any, NamedTuple, Self
+from unittest import mock
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +28,13 @@ from tautwave import read_recording
 from tautwave.config import Rig, load_rig
 from tautwave.rig import command_delays
 from tautwave.session.claims import claims_of
+from tautwave_sim.axis import SimulatedAxis
+from tautwave_sim.loaded import ArmPhysics
+from tautwave_sim.wire.can_port import MasterPort
+from tests.rigs.running import run_rig
+
+CONFIGS = Path(__file__).parents[2] / "configs" / "arms"
+ROUNDS = 7
 
 ARMS = ("left", "right")
 JOINTS = tuple(f"j{number}" for number in range(1, 8))
@@ -83,11 +96,84 @@ def pair_of(series: Callable[[str], Floats], rig: Rig, arm: str) -> Pair:
     )
 
 
+SIMULATED: tuple[tuple[type, tuple[str, ...]], ...] = (
+    (MasterPort, ("send", "receive", "readable", "advance", "next_event_ns")),
+    (SimulatedAxis, ("fill",)),
+    (ArmPhysics, ("fill",)),
+)
+
+
+class Apart:
+    """While it is entered, notes the CPU of the calls that simulate devices [ns]."""
+
+    def __init__(self) -> None:
+        self.spent_ns = 0
+        self._inside = False
+        self._patches = [
+            mock.patch.object(owner, name, self._noting(getattr(owner, name)))
+            for owner, names in SIMULATED
+            for name in names
+        ]
+
+    def _noting(self, call: Callable[..., Any]) -> Callable[..., Any]:
+        def noted(*args: Any) -> Any:
+            if self._inside:
+                return call(*args)
+            self._inside = True
+            began = time.thread_time_ns()
+            try:
+                return call(*args)
+            finally:
+                self.spent_ns += time.thread_time_ns() - began
+                self._inside = False
+
+        return noted
+
+    def __enter__(self) -> Self:
+        for patch in self._patches:
+            patch.start()
+        return self
+
+    def __exit__(self, *_exc_info: object) -> None:
+        for patch in self._patches:
+            patch.stop()
+
+
+def host_cpu_s(rig: Rig, cycles: int = 100) -> float:
+    """Return the CPU of the host's part of a cycle [s]: a longer run less a shorter one."""
+    spent = []
+    for count in (cycles, 2 * cycles):
+        with Apart() as apart:
+            began = time.thread_time_ns()
+            run_rig(rig, duration_s=count / rig.rate_hz)
+            spent.append(time.thread_time_ns() - began - apart.spent_ns)
+    return 1e-9 * (spent[1] - spent[0]) / cycles
+
+
+def tell_host() -> None:
+    """Print what a host's cycle takes with one pair of arms and with two."""
+    rigs = [load_rig(CONFIGS / f"{name}.yaml") for name in ("openarm", "openarm-bimanual")]
+    taken = [[host_cpu_s(rig) for rig in rigs] for _ in range(ROUNDS)]
+    one, both = (median(times) for times in zip(*taken, strict=True))
+    ratio = median(b / a for a, b in taken)
+    print(f"host's CPU a cycle: {1e3 * one:.2f} ms with one pair, {1e3 * both:.2f} ms with both")
+    print(f"both take {ratio:.2f} times as much as one")
+
+
 def main() -> None:
-    """Print the numbers of a run."""
+    """Print the numbers of a run, or the host's."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path)
-    run = parser.parse_args().run
+    parser.add_argument("run", type=Path, nargs="?")
+    parser.add_argument("--host", action="store_true")
+    asked = parser.parse_args()
+    if asked.host:
+        tell_host()
+    if asked.run is not None:
+        tell_run(asked.run)
+
+
+def tell_run(run: Path) -> None:
+    """Print what each pair did in a run."""
     rig = load_rig(run / "rig.yaml")
     recording = read_recording(run / "recording.mcap")
     for arm in ARMS:

@@ -88,8 +88,13 @@ def left_arms() -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "overrides", "pairs"),
-    [(OPENARM, [], 1), (OPENARM, left_arms(), 1), (BIMANUAL, [], 2)],
-    ids=["right", "left", "both"],
+    [
+        (OPENARM, [], 1),
+        (OPENARM, left_arms(), 1),
+        (BIMANUAL, [], 2),
+        (BIMANUAL, ["rate_hz=800"], 2),
+    ],
+    ids=["right", "left", "both", "both at 800 Hz"],
 )
 def test_openarms_carry_themselves_by_what_their_motors_damp(
     path: Path, overrides: list[str], pairs: int
