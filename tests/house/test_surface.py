@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands import tautwave
+from tests.house import defaults
 from tests.house.surface import ROOT, difference
 
 LEVER = "bench-1dof-loopback"
@@ -64,6 +65,14 @@ def test_the_surface_is_as_it_was() -> None:
     assert not found, (
         "changed; if that is meant, `python -m tests.house.surface --write` and say so in "
         "CHANGELOG:\n" + "\n".join(found)
+    )
+
+
+def test_defaults_and_bounds_of_keys_are_as_they_were() -> None:
+    changed = defaults.difference()
+    assert not changed, (
+        "changed; if that is meant, `python -m tests.house.defaults --write` and say so in "
+        "CHANGELOG:\n" + "\n".join(changed)
     )
 
 

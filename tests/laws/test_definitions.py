@@ -65,6 +65,7 @@ from tautwave.laws.observer import (
     plain_observer,
     reaction,
 )
+from tautwave.laws.port import RecoveryParams, port_params, recovery_friction
 from tautwave.laws.ramp import (
     NO_RAMP,
     ramp_bound,
@@ -73,6 +74,14 @@ from tautwave.laws.ramp import (
     stall_bound,
     stall_ceiling,
     stall_params,
+)
+from tautwave.laws.receiver import (
+    output_wave,
+    part_of,
+    receiver_params,
+    surplus,
+    timely_wave,
+    wanted_wave,
 )
 from tautwave.laws.rest import brake
 from tautwave.laws.rest.alignment import (
@@ -411,3 +420,61 @@ def test_a_reference_arrives_as_fast_as_speed_and_acceleration_allow() -> None:
         least = gap / most + most / change if flat else 2.0 * math.sqrt(gap / change)
         assert least <= steps * ALIGN.period + 2e-3
         assert steps * ALIGN.period <= 1.02 * least + 4.0 * ALIGN.period
+
+
+def test_the_friction_of_an_empty_tank_is_all_its_factors() -> None:
+    """Full below 2/3 of what `need` counts from, gone at the whole; half of b v at a match."""
+    recovery = RecoveryParams(0.4, 0.5, 0.25, 1.0, 2.0, 2.0)
+    for slip in (0.0, 2.0):
+        port = port_params(1e-3, 0.5, 2e-3, filter_gain=1.0, reserve=1.0, leak=0.0)
+        port = port._replace(recovery=recovery, slip=slip, half_mobility=0.125)
+        for seed in range(600):
+            account, gap, smooth, v, effort = drawn(seed, "+----")
+            need = max(0.0, min(1.0, 3.0 - 2.0 * account))
+            moves = math.copysign(max(0.0, abs(smooth) - 0.25), smooth)
+            ahead = v - 0.125 * effort
+            size = need * min(1.0, 2.0 * abs(gap)) * min(0.4, 0.5 * abs(moves))
+            if slip:
+                size = min(
+                    size, max(0.0, (0.5 * ahead / slip - effort) * math.copysign(1.0, ahead))
+                )
+            expected = math.copysign(size, moves) if moves * ahead > 0.0 else 0.0
+            rubs = recovery_friction(port, account, gap, smooth, v, effort)
+            assert rubs == pytest.approx(expected, abs=1e-15), (account, gap, smooth, v, effort)
+
+
+def test_a_receiver_gives_what_is_paid_for_and_all_of_it() -> None:
+    """A debt that is paid back by m a tick costs K (2 w m + m**2) more in each of debt / m."""
+    p = receiver_params(5e-4, sender_period=5e-4, depth=0.01, fastest=1.0)
+    chance = random.Random(3)
+    mended = 0
+    for _ in range(1500):
+        timely = round(chance.choice((0.0, 1.0)) * chance.uniform(-1e9, 1e9))
+        rest = round(chance.choice((0.0, 1.0)) * chance.uniform(-1e10, 1e10))
+        sign = -1 if rest < 0 else 1
+        most = p.scale * timely * timely
+        funds = round(chance.uniform(0.0, 3.0) * most + p.scale * chance.uniform(0.0, 1e18))
+        want = wanted_wave(p, rest, timely)
+        assert want == timely + max(-p.fastest, min(p.fastest, p.repay * rest))
+        wave = output_wave(p, funds, rest, timely, 0.5 * timely, want)
+        assert p.scale * wave * wave <= max(funds, 1)
+        w, mend = sign * timely, sign * (wave - timely)
+        if rest and mend > 0 and most < funds:
+            costs = [(abs(rest) * (m + 2.0 * w) + float(w) * w) * p.scale for m in (mend, mend + 2)]
+            greatest = math.sqrt(funds / p.scale) - w
+            assert costs[0] <= funds * (1.0 + 1e-9)
+            if mend < min(sign * (want - timely), greatest) * (1.0 - 1e-6) - 2.0:
+                assert costs[1] >= funds * (1.0 - 1e-9) - 2.0
+                mended += 1
+        assert part_of(timely, 3, 3) == part_of(timely, 4, 3) == timely
+        assert part_of(timely, 1, 3) == int(timely * (1.0 / 3.0))
+        assert timely_wave(p, timely, math.ceil(most)) == timely
+        if abs(timely) > 1e7:
+            assert timely_wave(p, timely, int(0.25 * most)) == pytest.approx(
+                0.25 * timely, rel=1e-3
+            )
+        need = p.reserve + p.level + p.scale * float(rest) * rest
+        for extra in (-3, 0, 1000):
+            held = math.ceil(need) + extra
+            assert surplus(p, held, rest) == pytest.approx(max(0, extra), abs=1e-9 * need)
+    assert mended > 50
