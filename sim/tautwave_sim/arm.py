@@ -15,6 +15,7 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
 
+from tautwave.columns import names, under
 from tautwave.config.inputs.chains import chain_constants
 from tautwave.config.keys.arm import Chain, Point
 from tautwave.contracts import AxisSpec, BusSpec, Clock, Row, SimulatorPlugin
@@ -26,7 +27,7 @@ from tautwave.models.chain.task import COORDINATES, TaskParams, at_home, joint_e
 from tautwave.models.plant import plant_forces
 from tautwave.models.plant_params import PlantParams
 from tautwave.models.servo import ServoParams
-from tautwave.truth import ArmModel, AxisModel
+from tautwave.truth import OF_HAND, OF_PLACE, TRUE, ArmModel, AxisModel
 from tautwave_sim.loopback import LoopbackOptions, LoopbackSimulator
 
 
@@ -184,8 +185,8 @@ class TipAxis:
         self._model = model
         self._world = world
         self._led = len(model.reference) > 0
-        names = ["position", "velocity", *(["reference", "hand_effort"] if self._led else [])]
-        self.columns = [f"true.{name}.{it}" for it in (*names, "environment_effort")]
+        kinds = (*TRUE, *(OF_HAND if self._led else ()), *OF_PLACE)
+        self.columns = names(under(f"true.{name}", kinds))
 
     def fill(self, row: Row, at: int) -> None:
         """Write the truth at this slot into `row` from index `at` on."""

@@ -12,12 +12,11 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from tautwave.columns import names, under
 from tautwave.contracts import Row
 from tautwave.models.encoder import quantise
 from tautwave.models.sensors.effort import SensorParams, follow_effort, sensor_reading
 from tautwave.streams import MISSING, NOISE, SENSOR, normal_stream, uniform_stream
-from tautwave.truth import OF_HAND, OF_PLACE, PLANT, TRUE, ArmModel, AxisModel, PositionLoop
+from tautwave.truth import ArmModel, AxisModel, PositionLoop, truth_columns
 from tautwave.types import JointState
 from tautwave_sim.loaded import ArmPhysics, JointPhysics, LoadedPhysics
 from tautwave_sim.physics import (
@@ -172,7 +171,7 @@ class SimulatedAxis:
         if truth.sensor is not None:
             self.sensor = EffortSensor(truth.sensor, truth.period, (*truth.seed, SENSOR))
             self.sensor.begin(self.physics, *self._hand)
-        self.columns = self._columns()
+        self.columns = truth_columns(name, hand=self._last >= 0)
 
     def command(self, value: float, law: MotorLaw = NO_LAW) -> None:
         """Take an effort (impedance) or a velocity (admittance) for the slots to come.
@@ -300,11 +299,6 @@ class SimulatedAxis:
         elif self.sensor is not None:
             effort = self.sensor.read()
         return JointState(position, math.nan, effort, valid, 0)
-
-    def _columns(self) -> list[str]:
-        """Return the names of the columns that `fill` writes."""
-        true = [*TRUE, *(OF_HAND if self._last >= 0 else ()), *OF_PLACE]
-        return names((*under(f"true.{self.name}", true), *under(f"plant.{self.name}", PLANT)))
 
     def fill(self, row: Row, at: int) -> None:
         """Write the truth at this slot into `row` from index `at` on."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from tautwave.columns import names, under
 from tautwave.contracts import Row
 from tautwave.models.chain.motion import Acting, Flows, chain_step, kinetic_energy, place_chain
 from tautwave.models.load import LoadParams, load_effort, load_energy
 from tautwave.models.plant import plant_forces, plant_stored
 from tautwave.models.plant_params import PlantParams
-from tautwave.truth import ArmModel
+from tautwave.truth import ARM, ArmModel
 from tautwave_sim.physics import NO_LAW, MotorLaw, Physics, PhysicsAround
 
 
@@ -131,8 +132,7 @@ class ArmPhysics:
         self._place = place_chain(self._chain, self._plants(), self._x)
         self._bottom = self._place.potential
         self.outside: Outside | None = None
-        names = ("kinetic", "potential", "work")
-        self.columns = [f"arm.{model.name}.{name}" for name in names]
+        self.columns = names(under(f"arm.{model.name}", ARM))
 
     def _plants(self) -> tuple[PlantParams, ...]:
         return tuple([joint.acting for joint in self._joints])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
+from tautwave.columns import Column
 from tautwave.types import (
     AxisCommand,
     BusElement,
@@ -270,7 +271,9 @@ class DriverPlugin(NamedTuple):
     by full name, the command delay in periods. `plain`: only the live loop simulates its axes;
     `positions`: they may take positions. `foreseen(options, bus)`, pure, returns sentences on what
     a run would say or refuse of the devices as files in the options describe them, for `check`;
-    `contents(path, id)` what such a file describes, for a device's simulator.
+    `contents(path, id)` what such a file describes, for a device's simulator. `columns`: what its
+    drivers record, of each axis by its last word, else by its whole name, or where that is
+    declared, as `module:attribute`.
     """
 
     options: type[Any]
@@ -292,6 +295,7 @@ class DriverPlugin(NamedTuple):
     positions: bool = False
     foreseen: Callable[[Any, BusSpec], Sequence[str]] | None = None
     contents: Callable[[str, int], Sequence[DescribedObject]] | None = None
+    columns: Sequence[Column] | str = ()
 
 
 class Simulator(Protocol):

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
-from tautwave.contracts import BusSpec
+from tautwave.columns import Column
+from tautwave.contracts import BusSpec, Row
 from tautwave.errors import DriverError
 from tautwave.types import AxisCommand, Fault
+
+
+def _nothing(owner: Any) -> float:
+    return math.nan
 
 
 class DriverBase(ABC):
@@ -23,7 +30,7 @@ class DriverBase(ABC):
     notes : list of str
         What `open` found and set.
     columns : list of str
-        Of the recording, where the driver also has `fill`.
+        Of the recording, as `record` adds them; a driver with a `fill` of its own sets them.
     watchdog_s, unwatched, unconfirmed, identities : mapping
         By axis, as in `Driver`.
     """
@@ -36,10 +43,32 @@ class DriverBase(ABC):
         self._faults: list[Fault] = []
         self.notes: list[str] = []
         self.columns: list[str] = []
+        self._recorded: list[tuple[Callable[[Any], float], Any]] = []
         self.watchdog_s: Mapping[str, float] = {}
         self.unwatched: Mapping[str, str] = {}
         self.unconfirmed: dict[str, str] = {}
         self.identities: dict[str, Mapping[str, str]] = {}
+
+    def record(self, prefix: str, owner: Any, kinds: Iterable[Column]) -> None:
+        """Add columns `PREFIX.name`, each filled by its `value(owner)`.
+
+        Parameters
+        ----------
+        prefix : str
+            Such as an axis' full name, `master.lever`.
+        owner : object
+            What the driver keeps of that axis.
+        kinds : iterable of Column
+            Also among the `columns` of its plugin, where their units and meanings are read.
+        """
+        for kind in kinds:
+            self.columns.append(f"{prefix}.{kind.name}")
+            self._recorded.append((kind.value or _nothing, owner))
+
+    def fill(self, row: Row, at: int) -> None:
+        """Write what `record` was told of into `row` from index `at` on."""
+        for place, (value, owner) in enumerate(self._recorded, at):
+            row[place] = value(owner)
 
     # -- what a bus adds ----------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tautwave.certificate.data import CouplingVerdict, Element, Verdict
     from tautwave.clock import FakeClock, MonotonicClock
+    from tautwave.columns import Column
     from tautwave.config import Coupling, EnvironmentPart, HandPart, Pair, Rig
     from tautwave.contracts import (
         AxisFacts,
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     )
     from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
     from tautwave.controller.seen import seen_law
-    from tautwave.controller.steps import OWN_GUARDS, Guard, Law, Steps
+    from tautwave.controller.steps import OWN_GUARDS, Guard, Law, Steps, fill_each
     from tautwave.device_settings import (
         DeviceSetting,
         DeviceSettings,
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "certificate.data": ("CouplingVerdict", "Element", "Verdict"),
     "clock": ("FakeClock", "MonotonicClock"),
+    "columns": ("Column",),
     "config": ("Coupling", "EnvironmentPart", "HandPart", "Pair", "Rig"),
     "contracts": (
         "AxisFacts", "AxisSpec", "Bench", "Budget", "BusSpec", "BytePort", "Clock", "CoupledAxis",
@@ -84,7 +86,7 @@ _MODULES = {
     ),
     "controller.records": ("AxisParams", "AxisState", "PairParams", "PairView"),
     "controller.seen": ("seen_law",),
-    "controller.steps": ("OWN_GUARDS", "Guard", "Law", "Steps"),
+    "controller.steps": ("OWN_GUARDS", "Guard", "Law", "Steps", "fill_each"),
     "device_settings": (
         "DeviceSetting", "DeviceSettings", "Lasts", "SettingRefusedError", "Settled",
         "refuse_differences",
@@ -119,6 +121,7 @@ __all__ = [
     "BytePort",
     "Choice",
     "Clock",
+    "Column",
     "CommandDelay",
     "ConfigError",
     "CoupledAxis",
@@ -170,6 +173,7 @@ __all__ = [
     "Survey",
     "TautwaveError",
     "Verdict",
+    "fill_each",
     "refuse_differences",
     "seen_law",
 ]

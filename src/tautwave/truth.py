@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from tautwave.columns import Column
+from tautwave.columns import Column, names, under
 from tautwave.models.chain.params import ChainParams
 from tautwave.models.foam import FoamParams
 from tautwave.models.load import LoadParams
@@ -37,6 +37,20 @@ PLANT = (
     Column("environment_loss", "J", "dissipated in what it touches"),
 )
 """Columns of a simulated axis in their order: its motion, its hand's if one holds it, the rest."""
+
+
+def truth_columns(name: str, *, hand: bool) -> list[str]:
+    """Return the names of the columns of a simulated axis; `hand`: one holds it."""
+    true = (*TRUE, *(OF_HAND if hand else ()), *OF_PLACE)
+    return names((*under(f"true.{name}", true), *under(f"plant.{name}", PLANT)))
+
+
+ARM = (
+    Column("kinetic", "J", "now in its moving links and motors"),
+    Column("potential", "J", "its height, from that at the start"),
+    Column("work", "J", "given to it by all joints: `plant.SIDE.AXIS.kinetic`, added"),
+)
+"""Columns of a simulated arm: `arm.ARM.name`."""
 
 
 class ArmModel(NamedTuple):

@@ -14,10 +14,11 @@ import pytest
 
 import tautwave
 from tautwave import errors, registry
+from tautwave.columns import names
 from tautwave.config import Rig, load_rig, rig_schema
+from tautwave.link.columns import ALIGNED, LINK_COLUMNS
 from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
-from tautwave.session.sites.agreed import ALIGNED, LINK_COLUMNS
 from tautwave.session.viewing.tuning import tuning_of
 from tautwave.sweep.file import MEASURES, Case, Figure, Panel, Sweep
 from tests.arms.motions import FOLLOWING
@@ -174,7 +175,7 @@ def test_columns_of_the_shipped_rigs_are_explained() -> None:
     parts += _columns(load_rig(CONFIGS / "arms-loopback.yaml", payloads))
     parts += [
         "slave.lever.target",
-        *LINK_COLUMNS,
+        *names(LINK_COLUMNS),
         *(f"lever.{name}.absorbed" for name in ALIGNED.values()),
     ]
     # of elements, the page spells out the three columns of the first only

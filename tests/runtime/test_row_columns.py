@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from tautwave.columns import names
+from tautwave.columns import Column, Kinds, names
 from tautwave.config import load_rig
 from tautwave.config.shipped import find_example
 from tautwave.controller.pair import effort_error, position_error
 from tautwave.controller.rows import AXIS, MEASURED, PAIR, WALL
-from tautwave.report.columns import SECTIONS, unit_of
+from tautwave.report.columns import SECTIONS, about, describe
 from tautwave.rig import command_delays
 from tautwave.rig.controller import make_control
 
@@ -57,9 +57,30 @@ def test_a_declared_column_has_its_own_field_of_the_state(rig_name: str) -> None
 
 
 def test_units_are_those_of_the_declarations() -> None:
+    listed = [one for columns in SECTIONS.values() for one in columns]
+    of_axes = about({"master.linear": ("linear", "impedance")})
     for column in (*AXIS, MEASURED, WALL):
         given = column.unit.split("; ")[0].split(", ")
-        expected = "" if given[0] in ("0", "1") else given[0]
-        assert unit_of(f"master.wrist.{column.name}") == expected
-    listed = [one.name for columns in SECTIONS.values() for one in columns]
-    assert len(listed) == len(set(listed))
+        written = ["" if one in ("0", "1") else one for one in given]
+        for axis, expected in (("wrist", written[0]), ("linear", written[-1])):
+            name = f"master.{axis}.{column.name}"
+            assert describe([name], Kinds(listed), of_axes)[name].unit == expected
+    assert len(listed) == len({one.name for one in listed})
+
+
+@pytest.mark.parametrize(
+    ("column", "kind"),
+    [
+        ("master.wrist.pitch.position", "SIDE.AXIS.position"),
+        ("true.slave.a.position", "true.SIDE.AXIS.position"),
+        ("scene.at.left_knob", "scene.at.NODE"),
+        ("lever.port_slave.absorbed", "PAIR.port_SIDE.absorbed"),
+        ("lever.port_slave.stored", "PAIR.ELEMENT.stored"),
+        ("master.wrist.positions", None),
+    ],
+)
+def test_a_column_is_of_the_first_kind_that_matches(column: str, kind: str | None) -> None:
+    ordered = ("PAIR.port_SIDE.absorbed", "true.SIDE.AXIS.position", "SIDE.AXIS.position")
+    every = (*ordered, "scene.at.NODE", "PAIR.ELEMENT.stored", "PAIR.ELEMENT.absorbed")
+    found = Kinds(Column(name, "", "") for name in every).of(column)
+    assert (found.name if found else None) == kind

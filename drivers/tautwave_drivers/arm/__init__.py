@@ -74,4 +74,5 @@ plugin = DriverPlugin(
     files=(("chain", "urdf"), ("truth", "chain", "urdf")),
     elements=_elements,
     plain=True,
+    columns="tautwave_drivers.arm.columns:COLUMNS",
 )

@@ -13,10 +13,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from tautwave.columns import names, under
 from tautwave.contracts import BusSpec, Clock, Row
 from tautwave.models.chain.task import COORDINATES, home_place, joint_efforts, task_place
 from tautwave.types import SAFE_COMMAND, AxisCommand, JointState
 from tautwave_drivers.arm.behind import JointsBehind
+from tautwave_drivers.arm.columns import EFFORT, OF_EFFORTS, POSITION, WALL
 from tautwave_drivers.arm.options import ArmOptions
 from tautwave_drivers.arm.parts import Effort, TipWall
 
@@ -49,11 +51,11 @@ class ArmDriver(JointsBehind):
         self._mapped = self._most = 0.0
         self._carried = self._least = self._potential = 0.0
         self._start: float | None = None
-        self.columns = [f"joints.{axis.name}.position" for axis in self._joints]
-        self.columns += [f"joints.{axis.name}.effort" for axis in self._joints]
-        self.columns += [f"tip.{bus.name}.{what}" for what in BOOKS]
+        self.columns = [f"joints.{axis.name}.{POSITION.name}" for axis in self._joints]
+        self.columns += [f"joints.{axis.name}.{EFFORT.name}" for axis in self._joints]
+        self.columns += names(under(f"tip.{bus.name}", OF_EFFORTS))
         for wall in self._walls:
-            self.columns += [f"space.{bus.name}.{wall.name}.{what}" for what in TipWall.COLUMNS]
+            self.columns += names(under(f"space.{bus.name}.{wall.name}", WALL))
 
     def open(self) -> None:
         """Open the joints' bus; no earlier effort acts any more."""
@@ -183,6 +185,3 @@ class ArmDriver(JointsBehind):
             at += 1
         for wall in self._walls:
             at = wall.fill(row, at)
-
-
-BOOKS = ("mapped", "mapped_given", "potential", "leak", "given")

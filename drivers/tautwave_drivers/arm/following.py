@@ -12,11 +12,13 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+from tautwave.columns import names, under
 from tautwave.contracts import BusSpec, Clock, Row
 from tautwave.laws.space.damped import damped_inverse, room_for
 from tautwave.models.chain.task import COORDINATES, task_place
 from tautwave.types import SAFE_COMMAND, AxisCommand, JointState
 from tautwave_drivers.arm.behind import JointsBehind
+from tautwave_drivers.arm.columns import OF_VELOCITIES, POSITION, VELOCITY
 from tautwave_drivers.arm.options import ArmOptions
 
 TURN_LENGTH = 0.2
@@ -57,9 +59,9 @@ class FollowingArm(JointsBehind):
         delay = self.command_delay
         self._waiting = deque([0.0] * (delay.periods + (delay.remainder_s > 0.0)))
         self._unseen = 0.0
-        self.columns = [f"joints.{axis.name}.position" for axis in self._joints]
-        self.columns += [f"joints.{axis.name}.velocity" for axis in self._joints]
-        self.columns += [f"tip.{bus.name}.{what}" for what in BOOKS]
+        self.columns = [f"joints.{axis.name}.{POSITION.name}" for axis in self._joints]
+        self.columns += [f"joints.{axis.name}.{VELOCITY.name}" for axis in self._joints]
+        self.columns += names(under(f"tip.{bus.name}", OF_VELOCITIES))
 
     def open(self) -> None:
         """Open the joints' bus, with the whole reserve."""
@@ -177,6 +179,3 @@ class FollowingArm(JointsBehind):
 
 def _times(one: float, other: float) -> float:
     return one * other
-
-
-BOOKS = ("mapped", "mapped_given", "lever", "allowed")

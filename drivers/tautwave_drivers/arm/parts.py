@@ -78,8 +78,6 @@ class TipWall:
     stiffness times the tip's variance per period, is put back, and booked as `noise`.
     """
 
-    COLUMNS = ("fx", "fy", "fz", "depth", "account", "absorbed", "noise")
-
     def __init__(
         self,
         name: str,

@@ -37,6 +37,7 @@ plugin = DriverPlugin(
     survey=survey,
     foreseen=foreseen,
     contents=contents,
+    columns="tautwave_drivers.canopen.driver:COLUMNS",
 )
 
 __all__ = ["CanopenDriver", "CanopenOptions", "ScanOptions", "plugin"]

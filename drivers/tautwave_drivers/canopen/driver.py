@@ -13,7 +13,7 @@ import socket
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from tautwave.contracts import BusSpec, Clock, FramePort, Row
+from tautwave.contracts import BusSpec, Clock, FramePort
 from tautwave.driver_base import DriverBase
 from tautwave.errors import BusTimeout, DeviceFault, DriverError
 from tautwave.traffic import tapped
@@ -27,9 +27,14 @@ from tautwave_drivers.canopen.exchange import Exchange
 from tautwave_drivers.canopen.health import Health
 from tautwave_drivers.canopen.options import CanopenOptions, nodes_of
 from tautwave_drivers.canopen.setup.startup import StartUp
+from tautwave_drivers.recorded import ANSWER, MOTOR_EFFORT, read_by
 
 if TYPE_CHECKING:
     from tautwave_drivers.canopen.bus.network import PolledNetwork
+
+ANSWERED = read_by(ANSWER, lambda of: of[0].answered_us(of[1]))
+EFFORT = read_by(MOTOR_EFFORT, lambda axis: axis.motor_effort if axis.fresh else math.nan)
+COLUMNS = (ANSWERED, EFFORT)
 
 STOP_LIMIT_S = {"disable_voltage": 0.25, "quick_stop": 1.0}
 
@@ -78,9 +83,10 @@ class CanopenDriver(DriverBase):
         self.watchdog_s = dict.fromkeys(
             (axis.spec.name for axis in self._axes), options.heartbeat_timeout_ms * 1e-3
         )
-        self.columns = [f"{axis.spec.name}.answer_us" for axis in self._axes]
-        self._torques = [axis for axis in self._axes if axis.reports_motor]
-        self.columns += [f"{axis.spec.name}.motor_effort" for axis in self._torques]
+        for axis in self._axes:
+            self.record(axis.spec.name, (self, axis), [ANSWERED])
+        for axis in self._axes:
+            self.record(axis.spec.name, axis, [EFFORT] if axis.reports_motor else [])
         if options.sync and options.rpdo == "sync":
             self.command_delay = CommandDelay(1, 0.0)
         else:
@@ -296,15 +302,10 @@ class CanopenDriver(DriverBase):
         (axis,) = (axis for axis in self._axes if axis.spec.name == name)
         return axis.witnessed()
 
-    def fill(self, row: Row, at: int) -> None:
-        """Record how long after SYNC each TPDO came [us], and motors' torques; NaN: none did."""
+    def answered_us(self, axis: Axis) -> float:
+        """Return how long after SYNC an axis' TPDO came [us]; NaN: none did."""
         begun_ns = 0 if self._exchange is None else self._exchange.sync_ns
-        for axis in self._axes:
-            row[at] = (axis.arrived_ns - begun_ns) * 1e-3 if axis.fresh else math.nan
-            at += 1
-        for axis in self._torques:
-            row[at] = axis.motor_effort if axis.fresh else math.nan
-            at += 1
+        return (axis.arrived_ns - begun_ns) * 1e-3 if axis.fresh else math.nan
 
     # -- the end ------------------------------------------------------------------------------
 

@@ -66,4 +66,5 @@ plugin = DriverPlugin(
     endpoint=_endpoint,
     survey=survey,
     positions=True,
+    columns="tautwave_drivers.dynamixel.driver:COLUMNS",
 )

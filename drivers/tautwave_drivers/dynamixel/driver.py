@@ -41,8 +41,10 @@ from tautwave_drivers.dynamixel.protocol.units import (
 )
 from tautwave_drivers.dynamixel.state import FORGETS_NS, Errors, Remembered
 from tautwave_drivers.dynamixel.watching import Watch
+from tautwave_drivers.recorded import MOTOR_EFFORT
 from tautwave_drivers.serial_port import SerialPort
 
+COLUMNS = (MOTOR_EFFORT,)
 NAN = float("nan")
 MISSING = JointState(0.0, NAN, NAN, False, 0)
 KEEP_ALIVE_SHARE = 0.25
@@ -104,7 +106,7 @@ class DynamixelDriver(DriverBase):
             axis.name: watchdog_units(options) * reg.WATCHDOG_UNIT_S for axis in bus.axes
         }
         self._torques = [at for at, servo in enumerate(self._axes) if servo.impedance]
-        self.columns = [f"{bus.axes[at].name}.motor_effort" for at in self._torques]
+        self.columns = [f"{bus.axes[at].name}.{MOTOR_EFFORT.name}" for at in self._torques]
         self._motor_steps = [
             self._scales[at].direction * self._scales[at].effort for at in self._torques
         ]

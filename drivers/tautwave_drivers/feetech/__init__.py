@@ -44,6 +44,7 @@ plugin = DriverPlugin(
     survey=survey,
     positions=True,
     foreseen=foreseen,
+    columns="tautwave_drivers.feetech.driver:COLUMNS",
 )
 
 __all__ = ["FeetechDriver", "FeetechOptions", "ScanOptions", "plugin"]

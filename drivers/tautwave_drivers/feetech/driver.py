@@ -30,13 +30,24 @@ from tautwave_drivers.feetech.leaving import leave, leave_again, stop_packet
 from tautwave_drivers.feetech.line import ServoLine, refuse_another_master
 from tautwave_drivers.feetech.options import FeetechOptions, Servo, match_servos
 from tautwave_drivers.feetech.tables import status_text
+from tautwave_drivers.recorded import (
+    MOTOR_EFFORT,
+    MOTOR_TEMPERATURE,
+    SUPPLY_VOLTAGE,
+    read_by,
+)
 from tautwave_drivers.serial_port import SerialPort
 
 NAN = math.nan
 MISSING = JointState(0.0, NAN, NAN, False, 0)
+COLUMNS = (
+    read_by(MOTOR_EFFORT, lambda axis, sample: axis.motor_effort(sample)),
+    read_by(SUPPLY_VOLTAGE, lambda axis, sample: sample.voltage * tables.VOLT),
+    read_by(MOTOR_TEMPERATURE, lambda axis, sample: sample.temperature),
+)
+VALUES = [one.value for one in COLUMNS if one.value is not None]
 UNHEARD = 10
 """Samples in a row that show another goal than was sent, which is then no lost packet."""
-COLUMNS = ("motor_effort", "supply_voltage", "motor_temperature")
 
 
 class Axis:
@@ -157,7 +168,7 @@ class FeetechDriver(DriverBase):
         self._efforts = [at for at, one in enumerate(self._servos) if one.impedance]
         self._places = [at for at, one in enumerate(self._servos) if not one.impedance]
         self._new_goals()
-        self.columns = [f"{axis.name}.{name}" for axis in bus.axes for name in COLUMNS]
+        self.columns = [f"{axis.name}.{one.name}" for axis in bus.axes for one in COLUMNS]
         self.unwatched = {
             servo.axis.name: f"(servo {servo.options.id}) goes on with its last goal, since it has "
             f"no watchdog; cut its power by hand: {options.power_cut.strip()}"
@@ -376,10 +387,9 @@ class FeetechDriver(DriverBase):
         here = self._port is not None and not self._lost
         samples = self._exchange.samples if here else [None] * len(self._axes)
         for axis, sample in zip(self._axes, samples, strict=True):
-            row[at] = NAN if sample is None else axis.motor_effort(sample)
-            row[at + 1] = NAN if sample is None else sample.voltage * tables.VOLT
-            row[at + 2] = NAN if sample is None else sample.temperature
-            at += 3
+            for value in VALUES:
+                row[at] = NAN if sample is None else value(axis, sample)
+                at += 1
 
     # -- afterwards -----------------------------------------------------------------------
 

@@ -41,6 +41,7 @@ plugin = DriverPlugin(
     measure=_measure,
     endpoint=can_endpoint,
     survey=survey,
+    columns="tautwave_drivers.mit.columns:COLUMNS",
 )
 
 __all__ = ["MitDriver", "MitOptions", "RobstrideDriver", "ScanOptions", "make", "plugin"]

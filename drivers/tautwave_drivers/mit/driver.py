@@ -18,7 +18,8 @@ import socket
 from collections.abc import Sequence
 from typing import Any
 
-from tautwave.contracts import BusSpec, Clock, FramePort, Row
+from tautwave.columns import Column
+from tautwave.contracts import BusSpec, Clock, FramePort
 from tautwave.driver_base import DriverBase
 from tautwave.errors import DeviceFault, DriverError
 from tautwave.traffic import tapped
@@ -37,6 +38,32 @@ from tautwave_drivers.mit.enabling import Enabling
 from tautwave_drivers.mit.leaving import leave, leave_again
 from tautwave_drivers.mit.options import MitOptions, motors_of
 from tautwave_drivers.mit.registers import Registers
+from tautwave_drivers.recorded import (
+    DRIVER_TEMPERATURE,
+    MOTOR_EFFORT,
+    ROTOR_TEMPERATURE,
+    read_by,
+)
+
+REPORTED = (
+    read_by(MOTOR_EFFORT, lambda axis: axis.torque if axis.fresh else math.nan),
+    read_by(DRIVER_TEMPERATURE, lambda axis: axis.temperatures[0] if axis.fresh else math.nan),
+    read_by(ROTOR_TEMPERATURE, lambda axis: axis.temperatures[1] if axis.fresh else math.nan),
+)
+DAMPED = (
+    Column(
+        "damper_absorbed",
+        "J",
+        "taken so far by the damper in the motor, as the motor reports its torque",
+        lambda damper: damper.absorbed,
+    ),
+    Column(
+        "damper_least",
+        "J",
+        "taken so far by the damper in the motor, at least, by its model",
+        lambda damper: damper.least,
+    ),
+)
 
 SHORTEST_BITS = 108
 """Of a classic frame with 8 bytes, without a stuffed bit and the pause after it."""
@@ -115,15 +142,10 @@ class MitDriver(DriverBase):
         self._failure: DriverError | None = None
         seconds = timeout_counts(options) * damiao.TIMEOUT_S
         self.watchdog_s = {axis.name: seconds for axis in bus.axes}
-        self.columns = [
-            f"{axis.name}.{what}"
-            for axis in bus.axes
-            for what in ("motor_effort", "driver_temperature", "rotor_temperature")
-        ] + [
-            f"{axis.spec.name}.{what}"
-            for axis in self._damped
-            for what in ("damper_absorbed", "damper_least")
-        ]
+        for axis in self._axes:
+            self.record(axis.spec.name, axis, REPORTED)
+        for axis in self._damped:
+            self.record(axis.spec.name, axis.damper, DAMPED)
 
     # -- before and after ---------------------------------------------------------------------
 
@@ -352,22 +374,6 @@ class MitDriver(DriverBase):
         """Return velocity [rad/s] and torque [N m] that a motor reports; NaN: no answer."""
         (axis,) = (axis for axis in self._axes if axis.spec.name == name)
         return (axis.velocity, axis.torque) if axis.fresh else (math.nan, math.nan)
-
-    def fill(self, row: Row, at: int) -> None:
-        """Record torque [N m] and temperatures [degC] of each motor; NaN: no sample.
-
-        Of dampers, what they have taken as the motors report it, and at least by the model [J].
-        """
-        for axis in self._axes:
-            row[at] = row[at + 1] = row[at + 2] = math.nan
-            if axis.fresh:
-                row[at] = axis.torque
-                row[at + 1], row[at + 2] = axis.temperatures
-            at += 3
-        for axis in self._damped:
-            assert axis.damper is not None
-            row[at], row[at + 1] = axis.damper.absorbed, axis.damper.least
-            at += 2
 
     # -- the end ------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from math import floor
 from typing import Any
 
-from tautwave.contracts import AxisSpec, BusSpec, Clock, FramePort, Row
+from tautwave.contracts import AxisSpec, BusSpec, Clock, FramePort
 from tautwave.driver_base import DriverBase
 from tautwave.errors import DeviceFault, DriverError
 from tautwave.traffic import tapped
@@ -27,7 +27,12 @@ from tautwave_drivers.mit import robstride
 from tautwave_drivers.mit.axis import MISSING
 from tautwave_drivers.mit.options import MitOptions, Motor, motors_of
 from tautwave_drivers.mit.robstride import Answer, Parameter
+from tautwave_drivers.recorded import MOTOR_EFFORT, ROTOR_TEMPERATURE, read_by
 
+REPORTED = (
+    read_by(MOTOR_EFFORT, lambda axis: axis.torque if axis.fresh else math.nan),
+    read_by(ROTOR_TEMPERATURE, lambda axis: axis.temperature if axis.fresh else math.nan),
+)
 ANSWER_NS = 5_000_000
 """Time for an answer outside of a run."""
 TRIES = 3
@@ -148,11 +153,8 @@ class RobstrideDriver(DriverBase):
         self._by_motor = {axis.motor.id: axis for axis in self._axes}
         self._exchange: Exchange | None = None
         self._tries = 0
-        self.columns = [
-            f"{axis.name}.{what}"
-            for axis in bus.axes
-            for what in ("motor_effort", "rotor_temperature")
-        ]
+        for axis in self._axes:
+            self.record(axis.spec.name, axis, REPORTED)
 
     # -- bring-up -----------------------------------------------------------------------------
 
@@ -400,14 +402,6 @@ class RobstrideDriver(DriverBase):
         """Return velocity [rad/s] and torque [N m] that a motor reports; NaN: no answer."""
         (axis,) = (axis for axis in self._axes if axis.spec.name == name)
         return (axis.velocity, axis.torque) if axis.fresh else (math.nan, math.nan)
-
-    def fill(self, row: Row, at: int) -> None:
-        """Record torque [N m] and temperature [degC] of each motor; NaN: no sample."""
-        for axis in self._axes:
-            row[at], row[at + 1] = (
-                (axis.torque, axis.temperature) if axis.fresh else (math.nan, math.nan)
-            )
-            at += 2
 
     # -- the end ------------------------------------------------------------------------------
 

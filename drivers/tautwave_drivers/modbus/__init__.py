@@ -64,4 +64,5 @@ plugin = DriverPlugin(
     files=(("devices", "*", "profile"),),
     survey=survey,
     foreseen=_foreseen,
+    columns="tautwave_drivers.modbus.driver:COLUMNS",
 )

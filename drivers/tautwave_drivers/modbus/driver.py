@@ -7,11 +7,12 @@ requested of a drive is in `station`, how it gets there in `line.tcp` and `line.
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Sequence
 from typing import Any
 
-from tautwave.contracts import READ_SHARE, BusSpec, Clock, Row
+from tautwave.contracts import READ_SHARE, BusSpec, Clock
 from tautwave.device_settings import DeviceSettings, refuse_differences
 from tautwave.driver_base import DriverBase
 from tautwave.errors import BusBudgetError, BusTimeout
@@ -27,7 +28,11 @@ from tautwave_drivers.modbus.listening import changed_by_others, commanded
 from tautwave_drivers.modbus.options import ModbusOptions, match_devices
 from tautwave_drivers.modbus.reading_back import ReadBack
 from tautwave_drivers.modbus.station import MISSING, Station
+from tautwave_drivers.recorded import ANSWER, MOTOR_EFFORT, read_by
 
+ANSWERED = read_by(ANSWER, lambda of: of[0].answered_us(of[1]))
+EFFORT = read_by(MOTOR_EFFORT, lambda of: of[0].motor_effort(of[1]))
+COLUMNS = (ANSWERED, EFFORT)
 RESPONSE_S = 0.1
 """Timeout of a response before and after the loop, beyond the time on the wire."""
 TRIALS = 5
@@ -88,13 +93,11 @@ class ModbusDriver(DriverBase):
             for one in self._devices
             if one.profile.comm_loss is not None
         }
-        self.columns = [f"{device.axis.name}.answer_us" for device in self._devices]
-        self._torques = [
-            at
-            for at, one in enumerate(self._devices)
-            if one.impedance and one.options.report_torque
-        ]
-        self.columns += [f"{self._devices[at].axis.name}.motor_effort" for at in self._torques]
+        for at, device in enumerate(self._devices):
+            self.record(device.axis.name, (self, at), [ANSWERED])
+        for at, device in enumerate(self._devices):
+            reports = device.impedance and device.options.report_torque
+            self.record(device.axis.name, (self, at), [EFFORT] if reports else [])
 
     # -- before the loop --------------------------------------------------------------------
 
@@ -292,21 +295,17 @@ class ModbusDriver(DriverBase):
         for station, command in zip(self.stations, commands, strict=True):
             station.command(command)
 
-    def fill(self, row: Row, at: int) -> None:
-        """Record the response time of each drive [us] and reported torques; NaN: none came."""
-        for station in self.stations:
-            transaction = station.transaction
-            complete = transaction.complete and bool(transaction.sent_ns)
-            row[at] = (
-                (transaction.received_ns - transaction.sent_ns[0]) * 1e-3
-                if complete
-                else float("nan")
-            )
-            at += 1
-        for which in self._torques:
-            station = self.stations[which]
-            row[at] = station.motor_effort if station.transaction.complete else float("nan")
-            at += 1
+    def answered_us(self, at: int) -> float:
+        """Return how long a drive took to respond [us]; NaN: it did not."""
+        transaction = self.stations[at].transaction
+        if not (transaction.complete and transaction.sent_ns):
+            return math.nan
+        return (transaction.received_ns - transaction.sent_ns[0]) * 1e-3
+
+    def motor_effort(self, at: int) -> float:
+        """Return the effort that a drive reports of its motor [N m or N]; NaN: no response."""
+        station = self.stations[at]
+        return station.motor_effort if station.transaction.complete else math.nan
 
     # -- afterwards -----------------------------------------------------------------------
 

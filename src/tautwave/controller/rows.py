@@ -8,7 +8,7 @@ times displacement measured): the sum over axes has to be the sum over elements.
 
 from __future__ import annotations
 
-from tautwave.columns import Column, names
+from tautwave.columns import ACCOUNT, Column, names
 from tautwave.contracts import Row
 from tautwave.controller.axis import stored_in_wall
 from tautwave.controller.pair import effort_error, position_error
@@ -70,10 +70,17 @@ PAIR = (
 )
 """What every pair writes after its axes."""
 
+ACCOUNTS = {
+    "wall_SIDE": "local virtual wall",
+    "compensation_SIDE": "friction compensation; negative: supplied",
+    "inertia_SIDE": "inertia compensation, by account; negative: supplied",
+}
+"""Elements of any pair beside those of its coupling."""
+
 
 def axis_columns(name: str, p: AxisParams, law: Law) -> list[str]:
     """Return the column names of one axis, e.g. `master.wrist`; filled by `fill_axis`."""
-    columns = [*names(AXIS), *law.signals]
+    columns = [*names(AXIS), *names(law.signals)]
     if not p.impedance or p.senses:
         columns.append(MEASURED.name)
     if p.site.has_wall:
@@ -99,7 +106,7 @@ def pair_columns(name: str, q: PairParams, p1: AxisParams, p2: AxisParams, law: 
         *(
             f"{name}.{element}.{part}"
             for element in element_names(q, p1, p2, law)
-            for part in ("absorbed", "stored", "dissipated")
+            for part in ACCOUNT
         ),
     ]
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, MutableSequence, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tautwave.columns import Column
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, PairView
 from tautwave.controller.rows import fill_element
@@ -19,7 +20,7 @@ from tautwave.controller.steps import (
     Holding,
     Law,
     Steps,
-    fill_no_signals,
+    fill_each,
     no_close,
     no_effort,
 )
@@ -200,8 +201,7 @@ def seen_law(
     spring: Callable[..., float] = no_spring,
     shown: Callable[..., tuple[float, float]] = where_it_is,
     holding: Holding | None = None,
-    signals: Sequence[str] = (),
-    fill_signals: Callable[..., int] = fill_no_signals,
+    signals: Sequence[Column] = (),
     guards: dict[int, Guard] | None = None,
     alike: bool = False,
 ) -> Law:
@@ -227,7 +227,7 @@ def seen_law(
     shown : callable
         ``shown(s)``: what the far side sees as position and velocity, for a law that says something
         else in their place.
-    holding, signals, fill_signals, guards, alike
+    holding, signals, guards, alike
         As in `Law`.
     """
     own = {"law_begin": begin, "law_keep": keep, "law_spring": spring}
@@ -240,13 +240,14 @@ def seen_law(
             close=bound(close, own),
             exchange=bound(exchange, own),
             compute_effort=effort,
-            fill_signals=fill_signals,
+            fill_signals=fill_each(signals),
             fill_elements=fill_elements,
         ),
         end=end,
         link=SeenLink,
         signals=signals,
         elements=element_names,
+        accounts={"coupler": "spring and damper between the devices"},
         guards=guards or {},
         rings=RINGS,
         spring=spring,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from tautwave.columns import Column
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
+from tautwave.controller.wrapping import bound
 
 OWN_GUARDS = 100
 """First guard code that a coupling may give away itself."""
@@ -79,6 +81,51 @@ def fill_no_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     return at
 
 
+def no_value(s: AxisState, p: AxisParams) -> float:
+    """Have no number."""
+    return 0.0
+
+
+law_value = law_next = no_value
+law_first = law_rest = fill_no_signals
+
+
+def fill_one(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write one column of an axis: `law_value`."""
+    out[at] = law_value(s, p)
+    return at + 1
+
+
+def fill_two(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write two: `law_value` and `law_next`."""
+    out[at] = law_value(s, p)
+    out[at + 1] = law_next(s, p)
+    return at + 2
+
+
+def fill_more(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
+    """Write those of `law_first`, then those of `law_rest`."""
+    at = law_first(out, at, s, p)
+    return law_rest(out, at, s, p)
+
+
+def fill_each(columns: Sequence[Column]) -> Callable[..., int]:
+    """Return what writes columns of an axis in their order, each by its `value(s, p)`.
+
+    Compiled code calls no function from a list, so it is made of functions of one and two columns;
+    two at once, since plain Python pays for each call.
+    """
+    values = [column.value for column in columns]
+    if not values:
+        return fill_no_signals
+    if len(values) == 1:
+        return bound(fill_one, {"law_value": values[0]})
+    two = bound(fill_two, {"law_value": values[0], "law_next": values[1]})
+    if len(values) == 2:
+        return two
+    return bound(fill_more, {"law_first": two, "law_rest": fill_each(columns[2:])})
+
+
 def fill_no_elements(out: Row, at: int, pair: PairView) -> int:
     """Write no columns of a pair."""
     return at
@@ -108,8 +155,8 @@ class Steps(NamedTuple):
     an admittance axis, see `laws.servo.admittance`. `brake`: return what may act of the effort that
     a stop asks for [N m or N]; without a sample nothing of it acts.
 
-    `fill_signals` and `fill_elements` write columns and return the next index. `signals` are the
-    names of an axis' columns, `elements(q, p1, p2)` those of a pair's elements, three columns each.
+    `fill_signals` and `fill_elements` write columns and return the next index: those of an axis,
+    which `fill_each` makes of their declarations, and three for each element of a pair.
     """
 
     start: Callable[..., None] = no_start
@@ -170,7 +217,9 @@ class Law(NamedTuple):
     """A coupling as the controller runs it: its steps, its state, its columns.
 
     `end` and `link` make the state of an axis' end and of a pair: slotted dataclasses of numbers
-    with defaults. `guards` are by the code that a step leaves in `alarm`, from `OWN_GUARDS` on.
+    with defaults. `signals` are the columns of an axis, as they are written; `elements(q, p1, p2)`
+    names a pair's elements, and `accounts` says what each is, SIDE for master or slave in its name.
+    `guards` are by the code that a step leaves in `alarm`, from `OWN_GUARDS` on.
     `rings`: places of the delay line in the table per slot of delay. `spring`: of a law that
     `controller.seen` makes, its stiffness for the books, and what a side shows for position and
     velocity; None for any other. `holding`: of a law that renders something by itself. `rescaling`:
@@ -182,8 +231,9 @@ class Law(NamedTuple):
     steps: Steps = Steps()
     end: Callable[[], Any] = NoState
     link: Callable[[], Any] = NoState
-    signals: Sequence[str] = ()
+    signals: Sequence[Column] = ()
     elements: Callable[[PairParams, AxisParams, AxisParams], Sequence[str]] = no_elements
+    accounts: Mapping[str, str] = {}
     guards: dict[int, Guard] = {}  # noqa: RUF012
     rings: int = 4
     spring: Callable[[PairParams, AxisParams, AxisParams], float] | None = None

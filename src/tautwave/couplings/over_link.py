@@ -22,9 +22,18 @@ from tautwave.config.keys.link import Link
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.seen import SeenEnd, book_spring, no_spring, where_it_is
-from tautwave.controller.steps import OWN_GUARDS, Guard, Law, SiteLaw, fill_no_signals, no_start
+from tautwave.controller.steps import (
+    OWN_GUARDS,
+    Guard,
+    Law,
+    SiteLaw,
+    fill_each,
+    fill_no_signals,
+    no_start,
+)
 from tautwave.controller.wrapping import bound, record_with
 from tautwave.laws.counters import ENERGY_QUANTUM, apart
+from tautwave.link.columns import DELAY, LOST, SILENCE
 from tautwave.link.network import SENT, Network, forward, network_places, newest_of, start_network
 from tautwave.link.news import (
     credit_said,
@@ -103,7 +112,13 @@ class Heard:
 PEER_LOST = OWN_GUARDS + 11
 """Code of the reason to stop."""
 
-SIGNALS = ("link_delay", "link_silence", "link_lost")
+
+SIGNALS = (
+    DELAY._replace(value=lambda s, p: s.end.heard.delay),
+    SILENCE._replace(value=lambda s, p: s.end.heard.silence),
+    LOST._replace(value=lambda s, p: s.end.heard.lost),
+)
+"""What is recorded of an axis beside what the law inside records."""
 
 
 def no_credit(s: AxisState, p: AxisParams) -> float:
@@ -124,6 +139,7 @@ law_start = no_start
 law_spring = no_spring
 law_shown = where_it_is
 law_fill_signals = fill_no_signals
+fill_heard = fill_each(SIGNALS)
 law_credit = no_credit
 law_level = no_level
 law_hear = no_hearing
@@ -266,11 +282,7 @@ def exchange(pair: PairView, here: bool, due_one: bool, due_two: bool) -> None:
 def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
     """Write the columns of the law inside, and how the network stands."""
     at = law_fill_signals(out, at, s, p)
-    h = s.end.heard
-    out[at] = h.delay
-    out[at + 1] = h.silence
-    out[at + 2] = h.lost
-    return at + 3
+    return fill_heard(out, at, s, p)
 
 
 def linked_law(law: Law) -> Law:

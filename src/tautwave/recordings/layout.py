@@ -9,6 +9,8 @@ import numpy as np
 MAGIC = b"\x89MCAP0\r\n"
 METADATA_NAME = "tautwave"
 ENDING_NAME = "tautwave ending"
+DESCRIBED = "described"
+"""Key of the metadata: unit and meaning of each column, as JSON."""
 
 
 def record_type(columns: int) -> np.dtype[Any]:

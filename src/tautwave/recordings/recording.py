@@ -10,7 +10,7 @@ import difflib
 import importlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,7 @@ from tautwave import formats
 from tautwave.errors import ConfigError, RecordingError
 from tautwave.reading import open_file
 from tautwave.recordings import RUN
-from tautwave.recordings.layout import ENDING_NAME, MAGIC, METADATA_NAME, record_type
+from tautwave.recordings.layout import DESCRIBED, ENDING_NAME, MAGIC, METADATA_NAME, record_type
 from tautwave.recordings.mcap_chunks import chunk_records, walk_records
 
 
@@ -82,6 +82,18 @@ class Recording:
             raise RecordingError(_unknown(name, self.columns)) from error
         return column
 
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of each column that has one, as recorded; none in recordings before 0.3."""
+        told = described_in(self.metadata)
+        return {name: told[name][0] for name in self.columns if told.get(name, ("",))[0]}
+
+    @property
+    def meanings(self) -> dict[str, str]:
+        """What each column is, in words, as recorded; none in recordings before 0.3."""
+        told = described_in(self.metadata)
+        return {name: told[name][1] for name in self.columns if name in told}
+
     def to_pandas(self) -> Any:
         """Return the rows as a `pandas.DataFrame`: a column by name each, indexed by `time_s` [s].
 
@@ -134,6 +146,15 @@ class Recording:
         """Controller elements of `pair` that keep an energy account."""
         parts = (name.split(".") for name in self.columns)
         return tuple(p[1] for p in parts if len(p) == 3 and p[0] == pair and p[2] == "absorbed")
+
+
+def described_in(metadata: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Return unit and meaning of each column that a recording's metadata describes."""
+    try:
+        told = json.loads(metadata.get(DESCRIBED, "{}"))
+        return {str(name): (str(unit), str(what)) for name, (unit, what) in told.items()}
+    except (ValueError, TypeError, AttributeError):
+        return {}
 
 
 def read_recording(

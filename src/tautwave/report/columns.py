@@ -1,281 +1,222 @@
-"""What each column of a recording is: unit and meaning; a test holds it to every shipped rig."""
+"""What each column of a recording is: unit and meaning; a test holds it to every shipped rig.
+
+Who writes a column declares it; here the declarations are put together: all of them for the
+reference, and for a recording those of its rig, its law and its drivers. They are kept with the
+rows, so that whoever reads a recording needs none of what wrote it.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
+
 from tautwave import registry
-from tautwave.columns import Column, under
+from tautwave.columns import ACCOUNT, Column, Kinds, under
+from tautwave.config import Rig
 from tautwave.config.keys.control import SCENE
-from tautwave.controller.rows import AXIS, MEASURED, PAIR, WALL
+from tautwave.controller.rows import ACCOUNTS, AXIS, MEASURED, PAIR, WALL
+from tautwave.controller.steps import Law
 from tautwave.errors import ConfigError
+from tautwave.link.columns import ACCOUNTS as OF_SITES
+from tautwave.link.columns import LINK_COLUMNS
+from tautwave.recordings.recording import described_in
+from tautwave.rig.controller import coupling_law, law_over_link
+from tautwave.runtime.carrying.side import CHANGED, LOAD, LOADS
+from tautwave.runtime.following import FOLLOWED
 from tautwave.runtime.loop import TIMING
-from tautwave.truth import OF_HAND, OF_PLACE, PLANT, TRUE
+from tautwave.runtime.operate.led import INTERVENTION, OF_POLICY
+from tautwave.runtime.operate.operated import ACCOUNTS as OF_OPERATION
+from tautwave.runtime.operate.operated import OPERATION
+from tautwave.runtime.tuning.source import TUNED
+from tautwave.truth import ARM, OF_HAND, OF_PLACE, PLANT, TRUE
+
+OF_ACCOUNT = "tautwave.couplings.account.law:ACCOUNTS"
+"""Elements of a law in an account."""
+
+
+def _accounts(accounts: Mapping[str, str]) -> tuple[Column, ...]:
+    """Return the first column of each element of a pair: its meaning is that of the element."""
+    each = [Column(f"{name}.absorbed", "J", meaning) for name, meaning in accounts.items()]
+    return under("PAIR", each)
+
 
 SECTIONS = {
-    "The cycle": (*TIMING,),
+    "The cycle": TIMING,
     "An axis": (
-        *under("SIDE.AXIS", AXIS),
-        Column("SIDE.AXIS.wave_in", "W^½", "the wave that arrived (law `wave`)"),
-        Column("SIDE.AXIS.wave_out", "W^½", "the wave that left (law `wave`)"),
-        Column(
-            "SIDE.AXIS.believed_effort",
-            "N m, N",
-            "external effort on the device, by the law's observer "
-            "(`four_channel`, `position_force`)",
-        ),
-        Column(
-            "SIDE.AXIS.model_stiffness",
-            "N m/rad, N/m",
-            "law `mediated`: position of the surface last found by the slave or rendered by the "
-            "master; negative: it fills what is below",
-        ),
-        Column("SIDE.AXIS.model_position", "rad, m", "where that surface is"),
-        Column(
-            "SIDE.AXIS.model_interval",
-            "N m/rad, N/m",
-            "half-width of the 95 % interval of the stiffness estimated at the slave",
-        ),
-        Column(
-            "SIDE.AXIS.model_paid",
-            "J",
-            "energy paid by the account so far for changes of a surface in contact",
-        ),
-        Column("SIDE.AXIS.link_delay", "s", "over a network: age of the wave that was played out"),
-        Column("SIDE.AXIS.link_depth", "s", "over a network: how much of that was waiting here"),
-        Column(
-            "SIDE.AXIS.link_backlog",
-            "rad, m",
-            "over a network: motion of the other side still outstanding, in the master's units",
-        ),
-        Column("SIDE.AXIS.link_silence", "s", "over a network: since the last packet arrived"),
-        Column("SIDE.AXIS.link_lost", "", "over a network: packets lost on the way here, so far"),
-        Column(
-            "SIDE.AXIS.link_cut",
-            "",
-            "over a network: cycles so far in which the energy received did not cover the wave",
-        ),
-        *under("SIDE.AXIS", [MEASURED]),
-        Column(
-            "SIDE.AXIS.followed",
-            "rad, m",
-            "followers: where the device was measured last; `position` is its goal, and"
-            " `measured_effort` the spring between them",
-        ),
-        Column(
-            "SIDE.AXIS.motor_effort",
-            "N m, N",
-            "motor effort from its current, where the drive reports it; NaN: no sample",
-        ),
-        Column(
-            "SIDE.AXIS.driver_temperature",
-            "degC",
-            "of the motor's power stage, where it is reported; NaN: no sample",
-        ),
-        Column(
-            "SIDE.AXIS.rotor_temperature",
-            "degC",
-            "of the motor's windings, where it is reported; NaN: no sample",
-        ),
-        Column(
-            "SIDE.AXIS.motor_temperature",
-            "degC",
-            "of the motor or its housing, where it is reported; NaN: no sample",
-        ),
-        Column(
-            "SIDE.AXIS.supply_voltage",
-            "V",
-            "of the motor's supply, where it is reported; NaN: no sample",
-        ),
-        Column(
-            "SIDE.AXIS.damper_absorbed",
-            "J",
-            "taken so far by the damper in the motor, as the motor reports its torque",
-        ),
-        Column(
-            "SIDE.AXIS.damper_least",
-            "J",
-            "taken so far by the damper in the motor, at least, by its model",
-        ),
-        *under("SIDE.AXIS", [WALL]),
-        Column(
-            "SIDE.AXIS.answer_us",
-            "µs",
-            "CANopen, Modbus: from SYNC or request to the response; NaN if none arrived",
-        ),
+        *under("SIDE.AXIS", (*AXIS, MEASURED, FOLLOWED, WALL)),
         Column(
             "slave.AXIS.target",
             "rad, m",
             "added by `export`: where the pair wants the slave, in the slave's coordinates",
         ),
     ),
-    "One of two sites": (
-        Column("link.session", "", "number of the session, from 1 on"),
-        Column("link.slot", "", "own slot of the session, from 0 on; -1: not engaged"),
-        Column("link.silence_s", "s", "since a packet from the other site arrived"),
-        Column("link.holding", "0, 1", "whether it holds, for lack of the other site"),
-        Column("link.delay_s", "s", "one way of the newest packet, to half a round trip"),
-        Column("link.aligning", "0, 1", "whether slaves are brought into place, or wait there"),
-        Column(
-            "PAIR.align_slave.absorbed",
-            "J",
-            "energy absorbed by the slave's motor meanwhile; negative: supplied",
-        ),
-        Column(
-            "PAIR.hold_master.absorbed",
-            "J",
-            "operated rig: energy absorbed by the master's motor while not engaged",
-        ),
-    ),
-    "A pair": (*under("PAIR", PAIR),),
-    "An operated rig": (
-        Column(
-            "operation.state",
-            "",
-            "0 idle, 1 aligning, 2 engaged, 3 clutched, 4 holding, 5 stopping",
-        ),
-        Column(
-            "operation.command",
-            "",
-            "command taken in this cycle: 1 engage, 2 clutch, 3 hold, 4 rest, 5 stop, 6 scale, "
-            "7 episode, 8 payload, 9 take_over, 10 hand_back",
-        ),
-        Column("operation.engagement", "", "number of engagements so far"),
-        Column("operation.episode", "", "number of the current episode, 0 for none"),
-        Column("operation.scale", "", "factor on every pair's position_scale, 1 at first"),
-        Column(
-            "operation.intervention",
-            "0, 1",
-            "with `operate.policy`: whether a person leads instead of the policy",
-        ),
-        Column("policy.PAIR.reference", "rad, m", "where the policy leads the master to"),
-        Column("policy.PAIR.effort", "N m, N", "of the hand that the master's own motor plays"),
-        Column(
-            "policy.PAIR.given",
-            "J",
-            "energy that this hand gave beyond what its reference brought; negative: it took",
-        ),
-        Column(
-            "PAIR.operate.absorbed",
-            "J",
-            "energy absorbed by both motors while not engaged; negative: supplied by an alignment",
-        ),
-    ),
-    "A rig that is tuned": (
-        Column("tuning.generation", "", "number of parameter sets applied so far"),
-        Column("tuning.SIDE.AXIS.wall_stiffness", "N m/rad, N/m", "of the local wall, as it acts"),
-        Column("tuning.SIDE.AXIS.wall_damping", "N m s/rad, N s/m", "of the local wall"),
-        Column("tuning.SIDE.AXIS.wall_position", "rad, m", "of the local wall"),
-        Column("tuning.SIDE.AXIS.effort_ceiling", "N m, N", "maximum effort of wall and coupling"),
-        Column("tuning.PAIR.wave_filter_hz", "Hz", "corner of the filter in both ports"),
-    ),
-    "Books of a coupling": (
-        Column(
-            "PAIR.port_SIDE.absorbed",
-            "J",
-            "each element has all three. Absorbed: energy that entered it since the start",
-        ),
-        Column("PAIR.port_SIDE.stored", "J", "what it holds now"),
-        Column("PAIR.port_SIDE.dissipated", "J", "energy dissipated; negative: created"),
-        Column(
-            "PAIR.damper_SIDE.absorbed",
-            "J",
-            "the matching damper; with `.stored` and `.dissipated`, as all below",
-        ),
-        Column(
-            "PAIR.converter_SIDE.absorbed",
-            "J",
-            "conversion between the line's rate and that of a slow bus",
-        ),
-        Column("PAIR.line.absorbed", "J", "the delay line: waves in transit"),
-        Column(
-            "PAIR.receiver_SIDE.absorbed",
-            "J",
-            "over a network: energy sent to a side and not yet released, in counts of 2^-40 J",
-        ),
-        Column("PAIR.network.absorbed", "J", "over a network: energy in transit"),
-        Column("PAIR.coupler.absorbed", "J", "a position law: its spring and the remainder"),
-        Column(
-            "PAIR.account_SIDE.absorbed",
-            "J",
-            "an account: work of its law, credit received minus sent",
-        ),
-        Column("PAIR.credits.absorbed", "J", "credit in transit between accounts"),
-        Column("PAIR.model_master.absorbed", "J", "law `mediated`: the spring that is rendered"),
-        Column("PAIR.compensation_SIDE.absorbed", "J", "friction compensation; negative: supplied"),
-        Column(
-            "PAIR.inertia_SIDE.absorbed",
-            "J",
-            "inertia compensation, by account; negative: supplied",
-        ),
-        Column("PAIR.wall_SIDE.absorbed", "J", "a local wall"),
-    ),
+    "One of two sites": LINK_COLUMNS,
+    "A pair": under("PAIR", PAIR),
+    "An operated rig": (*OPERATION, INTERVENTION, *under("policy.PAIR", OF_POLICY)),
+    "A rig that is tuned": TUNED,
     "What carries a load": (
-        Column("load.SIDE.AXIS.effort", "N m, N", "sent beside the coupling's, along the position"),
-        Column("load.SIDE.AXIS.energy", "J", "absorbed by it from the device; negative: supplied"),
-        Column(
-            "load.ARM.potential", "J", "what the loads of a side or arm hold more than at the start"
-        ),
-        Column("load.ARM.leak", "J", "all of that energy with the potential's change"),
-        Column("load.ARM.given", "J", "most that was given at any time beyond the potential"),
-        Column("load.ARM.changed", "J", "put into the potential by payload changes and felt ramps"),
-    ),
-    "A simulated arm": (
-        Column("joints.SIDE.JOINT.position", "rad, m", "driver `arm`: a joint behind the tip"),
-        Column("joints.SIDE.JOINT.effort", "N m, N", "sent to it, weight and walls included"),
-        Column("joints.SIDE.JOINT.velocity", "rad/s, m/s", "sent to one that follows velocities"),
-        Column("tip.BUS.mapped", "J", "given to the joints beyond the books of the tip"),
-        Column("tip.BUS.mapped_given", "J", "the most of that at any time"),
-        Column("tip.BUS.potential", "J", "what weight and posture hold more than at the start"),
-        Column("tip.BUS.leak", "J", "taken out by what holds them, with the potential's change"),
-        Column("tip.BUS.given", "J", "most that was given at any time beyond the potential"),
-        Column("tip.BUS.lever", "m", "least of a tip that follows velocities, in any direction"),
-        Column("tip.BUS.allowed", "1", "share of its motion that its account allows"),
-        Column("space.BUS.WALL.fx", "N", "force of a wall in space on the tip, along the frame"),
-        Column("space.BUS.WALL.fy", "N", ""),
-        Column("space.BUS.WALL.fz", "N", ""),
-        Column("space.BUS.WALL.depth", "m", "of the tip below its proxy"),
-        Column("space.BUS.WALL.account", "J", "what the wall may give back"),
-        Column("space.BUS.WALL.absorbed", "J", "taken out of the joints by it"),
-        Column("space.BUS.WALL.noise", "J", "put back for the encoders' noise"),
-        Column("arm.ARM.kinetic", "J", "now in its moving links and motors"),
-        Column("arm.ARM.potential", "J", "its height, from that at the start"),
-        Column("arm.ARM.work", "J", "given to it by all joints: `plant.SIDE.AXIS.kinetic`, added"),
+        *under("load.SIDE.AXIS", LOAD),
+        *under("load.ARM", (*LOADS, CHANGED)),
     ),
     "The truth of a simulated axis": (
         *under("true.SIDE.AXIS", (*TRUE, *OF_HAND, *OF_PLACE)),
         *under("plant.SIDE.AXIS", PLANT),
     ),
+    "A simulated arm": under("arm.ARM", ARM),
+    "Elements of every pair": _accounts({**ACCOUNTS, **OF_OPERATION, **OF_SITES}),
 }
+"""What tautwave itself records, whatever the law and the drivers."""
+
+ANY_ELEMENT = under(
+    "PAIR.ELEMENT",
+    (
+        Column("absorbed", "J", "energy that entered it since the start; each element has three"),
+        Column("stored", "J", "what it holds now"),
+        Column("dissipated", "J", "energy dissipated; negative: created"),
+    ),
+)
+
+
+def _of_all(known: Mapping[str, Sequence[Column]]) -> list[Column]:
+    return [kind for kinds in known.values() for kind in kinds]
+
+
+_CORE = Kinds(_of_all(SECTIONS))
 
 
 def sections() -> dict[str, tuple[Column, ...]]:
-    """Return all sections, with those of the package behind `scene` if it is installed."""
+    """Return all of them by section, with those of all laws, drivers and scenes installed here."""
+    laws = [law for name in registry.coupling_names() for law in _laws(name)]
+    drivers = [kind for name in registry.driver_names() for kind in _of_driver(name)]
+    accounts = {name: what for law in laws for name, what in law.accounts.items()}
+    accounts |= registry.load_named(OF_ACCOUNT)
+    return {
+        **SECTIONS,
+        "A law": _each_once(kind for law in laws for kind in under("SIDE.AXIS", law.signals)),
+        "Elements of a law": (*ANY_ELEMENT, *_accounts(accounts)),
+        "A driver": _each_once(drivers),
+        **_of_scenes(),
+    }
+
+
+def _each_once(kinds: Iterable[Column]) -> tuple[Column, ...]:
+    return tuple({kind.name: kind for kind in kinds}.values())
+
+
+def _laws(name: str) -> Sequence[Law]:
+    """Return an installed law as it is on one machine and over a network; none if it is broken."""
     try:
-        of_scene = registry.control_hooks(SCENE, "report").columns()
+        part = registry.load_coupling(name)
+        alone: Law = registry.load_named(part.law)
+        return (alone, law_over_link(part)) if part.over_link else (alone,)
     except ConfigError:
-        of_scene = {}
-    return {**SECTIONS, **of_scene}
+        return ()
 
 
-def unit_of(column: str, kind: str = "rotary", causality: str = "impedance") -> str:
-    """Return the SI unit of a recorded column, "" for counts, states and what is not listed.
+def _of_driver(name: str) -> Sequence[Column]:
+    """Return what an installed driver records; nothing if it is broken."""
+    try:
+        kinds: Sequence[Column] = registry.load_named(registry.load_driver(name).columns)
+    except ConfigError:
+        return ()
+    return [one if "." in one.name else under("SIDE.AXIS", [one])[0] for one in kinds]
+
+
+def _of_scenes() -> Mapping[str, tuple[Column, ...]]:
+    """Return what the package behind `scene` records, by section; nothing without it."""
+    try:
+        found: Mapping[str, tuple[Column, ...]] = registry.control_hooks(SCENE, "report").columns()
+    except ConfigError:
+        return {}
+    return found
+
+
+def kinds_of(rig: Rig) -> Kinds:
+    """Return what the recordings of a rig may have: its own law and drivers, and tautwave's."""
+    own: list[Column] = [kind for name in rig.buses for kind in _of_driver(rig.buses[name].driver)]
+    if rig.scene is None:
+        law = coupling_law(rig)
+        own += (*under("SIDE.AXIS", law.signals), *_accounts(law.accounts))
+    else:
+        own += [kind for kinds in _of_scenes().values() for kind in kinds]
+    return Kinds([*own, *_of_all(SECTIONS), *ANY_ELEMENT])
+
+
+def is_own(column: str) -> bool:
+    """Return whether a column is a law's or a driver's own, and no account of an element."""
+    ours = column.startswith(f"{SCENE}.") or column.endswith(tuple(f".{one}" for one in ACCOUNT))
+    return not ours and _CORE.of(column) is None
+
+
+class Described(NamedTuple):
+    """What a recorded column is: SI unit, "" for counts and states, and meaning."""
+
+    unit: str
+    meaning: str
+
+
+def describe(
+    columns: Iterable[str], kinds: Kinds, axis_of: Callable[[str], tuple[str, str]]
+) -> dict[str, Described]:
+    """Return what columns are, of those that are known.
 
     Parameters
     ----------
-    column : str
-        Its name.
-    kind : str
-        `rotary` or `linear`: of the axis or pair that it is about.
-    causality : str
-        `impedance` or `admittance`: of the axis that it is about.
+    columns : iterable of str
+        Their names.
+    kinds : Kinds
+        What they may be.
+    axis_of : callable
+        Returns kind and causality of the axis or pair that a column is about.
     """
-    if column.endswith((".absorbed", ".stored", ".dissipated")):
-        return "J"
-    of_scene = column.startswith(f"{SCENE}.")
-    for columns in (sections() if of_scene else SECTIONS).values():
-        for one in columns:
-            if one.matches(column):
-                parts = one.unit.split("; ")
-                units = parts[-1 if causality == "admittance" else 0].split(", ")
-                unit = units[-1 if kind == "linear" else 0]
-                return "" if unit in ("0", "1") else unit
-    return ""
+    found = {}
+    for column in columns:
+        kind = kinds.of(column)
+        if kind is not None:
+            found[column] = Described(kind.unit_on(*axis_of(column)), kind.meaning)
+    return found
+
+
+def described(
+    columns: Sequence[str], metadata: Mapping[str, str], axes: Mapping[str, tuple[str, str]]
+) -> dict[str, Described]:
+    """Return what the columns of a recording are, as it says itself.
+
+    A recording of before 0.3 says nothing: then what is installed here tells. Columns that an
+    export adds are described as well.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Of the recording, and added ones.
+    metadata : mapping
+        Of the recording.
+    axes : mapping
+        Kind and causality of its axes by full name.
+    """
+    told = {name: Described(*of) for name, of in described_in(metadata).items() if name in columns}
+    kinds = _CORE if told else Kinds(_of_all(sections()))
+    return told | describe([one for one in columns if one not in told], kinds, about(axes))
+
+
+def described_text(rig: Rig, columns: Iterable[str]) -> str:
+    """Return what the columns of a rig's recording are, for its metadata."""
+    axes = {name: (axis.kind, axis.causality) for name, axis in rig.axes.items()}
+    return json.dumps(describe(columns, kinds_of(rig), about(axes)))
+
+
+def about(axes: Mapping[str, tuple[str, str]]) -> Callable[[str], tuple[str, str]]:
+    """Return what finds kind and causality of a column's axis among some by full name.
+
+    A pair is in its master's units.
+    """
+
+    def find(column: str) -> tuple[str, str]:
+        parts = column.split(".")
+        for k in range(len(parts) - 1):
+            if (axis := ".".join(parts[k : k + 2])) in axes:
+                return axes[axis]
+        return axes.get(f"master.{parts[0]}", ("rotary", "impedance"))
+
+    return find

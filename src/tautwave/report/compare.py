@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tautwave.columns import ACCOUNT
 from tautwave.files import make_directory, write_text
 from tautwave.report.html import (
     badge,
@@ -186,7 +187,7 @@ def _noise(runs: tuple[Run, Run]) -> float:
 
 def _energies(runs: tuple[Run, Run], pair: str) -> list[Line]:
     elements = dict.fromkeys([*runs[0].elements(pair), *runs[1].elements(pair)])
-    kinds = ("absorbed", "stored", "dissipated", "generated")
+    kinds = (*ACCOUNT, "generated")
     return [
         (f"{element.replace('_', ' ')}, {kind}", _joule, ("pairs", pair, "elements", element, kind))
         for element in elements
@@ -221,7 +222,7 @@ def _table(
         (name, show, values)
         for name, show, keys in lines
         if any(values := tuple(value_of(run.result, keys) for run in runs))
-        or keys[-1] not in BOOKED
+        or keys[-1] not in ACCOUNT
     ]
     return _side_by_side(labels, title, numbers, noise)
 
@@ -232,10 +233,6 @@ def value_of(summary: Summary, keys: Sequence[str]) -> Any:
     for key in keys:
         value = value.get(key) if isinstance(value, Mapping) else getattr(value, key, None)
     return value
-
-
-BOOKED = ("absorbed", "stored", "dissipated")
-"""Energies that are left out where both runs have none."""
 
 
 def _feel(runs: tuple[Run, Run], labels: tuple[str, str], pair: str) -> Table:

@@ -120,7 +120,7 @@ def build_rig(
                 "is not known what its devices do when this program stops; update the package "
                 "that provides the driver"
             )
-        if isinstance(driver, RowSource):
+        if isinstance(driver, RowSource) and driver.columns:
             sources.append(driver)
         names = [axis.name for axis in spec.axes]
         delays.update(dict.fromkeys(names, driver.command_delay))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tautwave import registry
 from tautwave.allowance import AxisAllowance
 from tautwave.analysis.identification.sensor_balance import DEVIATIONS, most_at_rest
+from tautwave.columns import Column
 from tautwave.config import Axis, Rig, local_wall
 from tautwave.contracts import CoupledAxis, CouplingPlugin
 from tautwave.controller.records import NEVER, PIPE, AxisParams, PairParams, RunParams
@@ -37,9 +38,21 @@ NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 
 
 def coupling_law(rig: Rig) -> Law:
-    """Return the steps of a rig's law, its state and its columns."""
+    """Return the steps of a rig's law, its state and its columns.
+
+    Raises
+    ------
+    ConfigError
+        Its columns are declared as they were before 0.3.
+    """
     part = coupling_part(rig)
     law: Law = registry.load_named(part.law)
+    if not all(isinstance(column, Column) for column in law.signals):
+        raise ConfigError(
+            f"law {law.name}: its `signals` have to be tautwave.plugin.Column, each with name, "
+            "unit, meaning and value; before 0.3 they were names: update the package or the file "
+            "that it comes from"
+        )
     return law if rig.link is None else law_over_link(part)
 
 

@@ -12,10 +12,19 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from tautwave.columns import Column
 from tautwave.contracts import Driver, Row
 from tautwave.laws.servo.follower import FollowerParams, goal_effort, next_goal
 from tautwave.types import AxisCommand, CommandDelay, JointState
 from tautwave.wrapper import DriverWrapper
+
+FOLLOWED = Column(
+    "followed",
+    "rad, m",
+    "followers: where the device was measured last; `position` is its goal, and"
+    " `measured_effort` the spring between them",
+)
+"""What is recorded of an axis that takes positions."""
 
 
 class Goal:
@@ -73,7 +82,7 @@ class FollowingDriver(DriverWrapper):
         super().__init__(driver)
         self._goals = [None if p is None else Goal(p, driver.command_delay) for p in params]
         self.columns = [
-            f"{name}.followed" for name, goal in zip(names, self._goals, strict=True) if goal
+            f"{name}.{FOLLOWED.name}" for name, goal in zip(names, self._goals, strict=True) if goal
         ]
 
     def open(self) -> None:

@@ -36,6 +36,7 @@ from tautwave.session.keeping import (
     warn_of_little_room,
     warn_of_slow_disk,
 )
+from tautwave.session.metadata import metadata_of
 from tautwave.session.network import link_claims
 from tautwave.session.operating import (
     claimed_span,
@@ -316,7 +317,7 @@ def _move(
     recorder = Recorder(
         directory / "recording.mcap",
         assembly.columns,
-        metadata={"version": version("tautwave"), "rig": rig.name, "clock": clock},
+        metadata=metadata_of(rig, clock, assembly.columns),
         attachments={"rig.yaml": text.encode()},
         rows=rig.loop.ring_rows,
         lossless=clock == "fake",

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from tautwave.certificate.data import CouplingVerdict
+from tautwave.columns import ACCOUNT
 from tautwave.config import Coupling, Pair
 from tautwave.contracts import CouplingPlugin
 from tautwave.controller.steps import Law
@@ -112,7 +113,7 @@ class CouplingContract:
         given = sum(driven.column(f"{side}.wrist.port_energy")[-1] for side in SIDES)
         taken = 0.0
         for element in elements_of(driven):
-            absorbed, stored, lost = (driven.column(f"wrist.{element}.{it}")[-1] for it in PARTS)
+            absorbed, stored, lost = (driven.column(f"wrist.{element}.{it}")[-1] for it in ACCOUNT)
             assert absorbed == pytest.approx(stored + lost, abs=1e-9 * flow), element
             taken += stored + lost
         assert flow > 0.0, "it commanded nothing"
@@ -159,7 +160,6 @@ class CouplingContract:
 
 
 SIDES = ("master", "slave")
-PARTS = ("absorbed", "stored", "dissipated")
 
 
 def elements_of(driven: Driven) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from tautwave.plugin import AxisSpec, BusSpec, DriverError, DriverPlugin, MonotonicClock
 from tautwave_drivers.can.places import can_endpoint
-from tautwave_example_moteus.driver import MoteusDriver
+from tautwave_example_moteus.driver import REPORTED, MoteusDriver
 from tautwave_example_moteus.options import Options, budget
 
 
@@ -47,4 +47,5 @@ plugin = DriverPlugin(
     summary="moteus controllers on CAN FD (example)",
     scan_options=ScanOptions,
     endpoint=can_endpoint,
+    columns=REPORTED,
 )

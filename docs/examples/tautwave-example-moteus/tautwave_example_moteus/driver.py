@@ -10,6 +10,7 @@ from tautwave.plugin import (
     AxisSpec,
     BusSpec,
     Clock,
+    Column,
     CommandDelay,
     DriverBase,
     DriverError,
@@ -77,6 +78,22 @@ class Axis:
         name = frames.MODES.get(int(mode), f"mode {mode:g}") if math.isfinite(mode) else "no mode"
         return f"{name}{': ' + why if why else ''}; its torque is off: remove the cause, run again"
 
+    @property
+    def effort(self) -> float:
+        """Torque of the motor on its axis [N m]; NaN before it said one."""
+        return self.device.direction * self.said.get(frames.TORQUE, math.nan)
+
+
+REPORTED = (
+    Column(
+        "motor_effort",
+        "N m",
+        "torque that the controller reports; NaN before the first answer",
+        lambda axis: axis.effort,
+    ),
+)
+"""What is recorded of each axis beside its sample."""
+
 
 def _engaged(axis: Axis) -> bool:
     """Return whether a device was engaged before its last frame, which read its watchdog back."""
@@ -112,7 +129,8 @@ class MoteusDriver(DriverBase):
         self._exchange: Exchange | None = None
         self.watchdog_s = {axis.spec.name: options.watchdog_s for axis in self._axes}
         self.misses: dict[str, str] = {}
-        self.columns = [f"{axis.spec.name}.motor_effort" for axis in self._axes]
+        for axis in self._axes:
+            self.record(axis.spec.name, axis, REPORTED)
 
     # -- bring-up and end ---------------------------------------------------------------------
 
@@ -227,12 +245,6 @@ class MoteusDriver(DriverBase):
     def _take(self, commands: Sequence[AxisCommand]) -> None:
         for axis, one in zip(self._axes, commands, strict=True):
             axis.torque = one.effort
-
-    def fill(self, row: object, at: int) -> None:
-        """Write each motor's torque on its axis [N m]."""
-        for number, axis in enumerate(self._axes):
-            torque = axis.said.get(frames.TORQUE, math.nan)
-            row[at + number] = axis.device.direction * torque  # type: ignore[index]
 
     # -- frames -------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from tautwave.plugin import (
     OWN_GUARDS,
     AxisParams,
     AxisState,
+    Column,
     CoupledAxis,
     Coupling,
     CouplingMessages,
@@ -91,10 +92,21 @@ def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     return pull + k.injection * s.velocity
 
 
+SIGNALS = (
+    Column(
+        "stretch",
+        "rad, m",
+        "of the spring, as this side sees it",
+        lambda s, p: s.position - s.end.far_position,
+    ),
+)
+"""What is recorded of each axis for this law."""
+
 law = seen_law(
     "pd_injection",
     effort,
     spring=spring,
+    signals=SIGNALS,
     guards={STRETCHED: Guard("spring_stretched", "is further from the other side than its reach")},
 )
 

@@ -34,6 +34,12 @@ GUARDS = {
     ),
 }
 
+ACCOUNTS = {
+    "account_SIDE": "an account: work of its law, credit received minus sent",
+    "credits": "credit in transit between accounts",
+    "model_master": "the spring that is rendered",
+}
+"""What the elements of a pair are."""
 
 EXCHANGES = {
     "": own.exchange,
@@ -64,6 +70,7 @@ def law_with_account(law: Law, over: str = "") -> Law:
         link=record_with(law.link, "account", AccountLink),
         signals=law.signals,
         elements=elements,
+        accounts=ACCOUNTS,
         guards={**law.guards, **GUARDS},
         rings=0 if over else law.rings + own.RINGS,
         holding=law.holding,

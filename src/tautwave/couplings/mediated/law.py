@@ -43,8 +43,9 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from tautwave.columns import Column
 from tautwave.config.keys.coupling import chosen
-from tautwave.contracts import CoupledAxis, Row
+from tautwave.contracts import CoupledAxis
 from tautwave.controller.records import AxisParams, AxisState
 from tautwave.controller.seen import SeenEnd, seen_law
 from tautwave.controller.steps import Holding
@@ -447,27 +448,57 @@ def gain(end: MediatedEndParams, tracker: float, period: float) -> float:
     return end.stiffest + tracker * end.model.most / period
 
 
-SIGNALS = ("model_stiffness", "model_position", "model_interval", "model_paid")
-
-
-def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
-    """Write the surface that a slave found last, or that a master renders."""
+def renders_below(s: AxisState) -> bool:
+    """Return whether a master shows the surface that fills what is below."""
     e = s.end
-    out[at + 2] = e.contact.wide_stiffness
-    out[at + 3] = e.paid
+    return depth_in(e.above, 1.0, s.position) == 0.0 and e.below.stiffness > 0.0
+
+
+def model_stiffness(s: AxisState, p: AxisParams) -> float:
+    """Return the stiffness of the surface that is found or rendered [N m/rad or N/m]."""
+    e = s.end
+    stiffness: float = e.effort
+    if not p.end.follows:
+        stiffness = e.above.stiffness
+        if renders_below(s):
+            stiffness = -e.below.stiffness
+    return stiffness
+
+
+def model_position(s: AxisState, p: AxisParams) -> float:
+    """Return where that surface is [rad or m]."""
+    e = s.end
+    place: float = e.above.position
     if p.end.follows:
         place, _ = shown(s)
-        out[at] = e.effort
-        out[at + 1] = place
-        return at + 4
-    surface = e.above
-    side = 1.0
-    if depth_in(e.above, 1.0, s.position) == 0.0 and e.below.stiffness > 0.0:
-        surface = e.below
-        side = -1.0
-    out[at] = side * surface.stiffness
-    out[at + 1] = surface.position
-    return at + 4
+    elif renders_below(s):
+        place = e.below.position
+    return place
+
+
+SIGNALS = (
+    Column(
+        "model_stiffness",
+        "N m/rad, N/m",
+        "stiffness of the surface last found by the slave or rendered by the master; negative: it "
+        "fills what is below",
+        model_stiffness,
+    ),
+    Column("model_position", "rad, m", "where that surface is", model_position),
+    Column(
+        "model_interval",
+        "N m/rad, N/m",
+        "half-width of the 95 % interval of the stiffness estimated at the slave",
+        lambda s, p: s.end.contact.wide_stiffness,
+    ),
+    Column(
+        "model_paid",
+        "J",
+        "energy paid by the account so far for changes of a surface in contact",
+        lambda s, p: s.end.paid,
+    ),
+)
+"""What is recorded of an axis."""
 
 
 law = seen_law(
@@ -479,7 +510,6 @@ law = seen_law(
     shown=shown,
     holding=Holding(cover, held, gain, whole),
     signals=SIGNALS,
-    fill_signals=fill_signals,
 )
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from tautwave.contracts import CoupledAxis, Row
+from tautwave.columns import Column
+from tautwave.contracts import CoupledAxis
 from tautwave.controller.records import AxisParams, AxisState, PairParams
 from tautwave.controller.seen import SeenEnd, seen_law
 from tautwave.controller.steps import Law
@@ -99,10 +100,15 @@ def effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     return asked
 
 
-def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
-    """Write the effort that the law believes in."""
-    out[at] = s.end.effort
-    return at + 1
+SIGNALS = (
+    Column(
+        "believed_effort",
+        "N m, N",
+        "external effort on the device, by the law's observer",
+        lambda s, p: s.end.effort,
+    ),
+)
+"""What is recorded of an axis."""
 
 
 def _law(name: str, *, alike: bool = False) -> Law:
@@ -113,8 +119,7 @@ def _law(name: str, *, alike: bool = False) -> Law:
         begin=begin,
         keep=keep,
         spring=spring,
-        signals=("believed_effort",),
-        fill_signals=fill_signals,
+        signals=SIGNALS,
         alike=alike,
     )
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence
 
+from tautwave.columns import Column
 from tautwave.contracts import Row
 from tautwave.controller.records import (
     PIPE,
@@ -35,7 +36,7 @@ from tautwave.controller.records import (
     PairView,
 )
 from tautwave.controller.rows import fill_element
-from tautwave.controller.steps import Guard, Law, Rescaling, Steps
+from tautwave.controller.steps import Guard, Law, Rescaling, Steps, fill_each
 from tautwave.couplings.wave.port import (
     PORT_OVERDRAWN,
     PORT_STARVED,
@@ -280,11 +281,19 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
     return names
 
 
-def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
-    """Write the waves that arrived and left, as they are on the line."""
-    out[at] = s.end.arrived
-    out[at + 1] = s.end.leaving
-    return at + 2
+SIGNALS = (
+    Column("wave_in", "W^½", "the wave that arrived", lambda s, p: s.end.arrived),
+    Column("wave_out", "W^½", "the wave that left", lambda s, p: s.end.leaving),
+)
+"""What is recorded of an axis."""
+
+ACCOUNTS = {
+    "port_SIDE": "wave port, with its tank",
+    "damper_SIDE": "matched termination",
+    "converter_SIDE": "between the rates of the line and a slower bus",
+    "line": "delay line: waves in transit",
+}
+"""What the elements of a pair are."""
 
 
 def fill_tank(out: Row, at: int, s: AxisState, p: AxisParams, table: MutableSequence[float]) -> int:
@@ -343,13 +352,14 @@ law = Law(
         compute_effort=compute_effort,
         move=move,
         brake=brake,
-        fill_signals=fill_signals,
+        fill_signals=fill_each(SIGNALS),
         fill_elements=fill_elements,
     ),
     end=WaveEnd,
     link=WaveLink,
-    signals=("wave_in", "wave_out"),
+    signals=SIGNALS,
     elements=element_names,
+    accounts=ACCOUNTS,
     guards={
         PORT_OVERDRAWN: Guard(
             "port_overdrawn",

@@ -15,17 +15,17 @@ from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from tautwave.columns import Column
 from tautwave.config.keys.common import AUTO
 from tautwave.config.keys.link import Link
 from tautwave.contracts import Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
-from tautwave.controller.steps import OWN_GUARDS, Guard, SiteLaw
+from tautwave.controller.steps import OWN_GUARDS, Guard, SiteLaw, fill_each
 from tautwave.couplings.over_link import FEWEST_DAYS, reach, way_of
 from tautwave.couplings.wave.keys import WavePair
 from tautwave.couplings.wave.law import arrive_rated, fill_converter, fill_tank, leave_rated
 from tautwave.couplings.wave.law import element_names as line_names
-from tautwave.couplings.wave.law import fill_signals as fill_waves
 from tautwave.couplings.wave.law import law as line_law
 from tautwave.couplings.wave.law import start as line_start
 from tautwave.couplings.wave.port import (
@@ -38,6 +38,7 @@ from tautwave.couplings.wave.port import (
 )
 from tautwave.laws.counters import ENERGY_QUANTUM, WAVE_QUANTUM, added, apart
 from tautwave.laws.receiver import ReceiverParams, receiver_params
+from tautwave.link.columns import DELAY, LOST, SILENCE
 from tautwave.link.network import Network, deliver, keep_sent, network_places, post, start_network
 from tautwave.link.packet import Line
 from tautwave.link.post import last_line
@@ -320,17 +321,38 @@ def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
     return [*line_names(q, p1, p2), "receiver_master", "receiver_slave", "network"]
 
 
-def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
-    """Write the waves on the line, and how the receiver stands."""
-    at = fill_waves(out, at, s, p)
-    e = s.end
-    out[at] = e.delay
-    out[at + 1] = e.depth
-    out[at + 2] = e.backlog
-    out[at + 3] = e.silence
-    out[at + 4] = e.lost
-    out[at + 5] = e.cut
-    return at + 6
+SIGNALS = (
+    *line_law.signals,
+    DELAY._replace(value=lambda s, p: s.end.delay),
+    Column(
+        "link_depth",
+        "s",
+        "over a network: how much of that was waiting here",
+        lambda s, p: s.end.depth,
+    ),
+    Column(
+        "link_backlog",
+        "rad, m",
+        "over a network: motion of the other side still outstanding, in the master's units",
+        lambda s, p: s.end.backlog,
+    ),
+    SILENCE._replace(value=lambda s, p: s.end.silence),
+    LOST._replace(value=lambda s, p: s.end.lost),
+    Column(
+        "link_cut",
+        "",
+        "over a network: cycles so far in which the energy received did not cover the wave",
+        lambda s, p: s.end.cut,
+    ),
+)
+"""What is recorded of an axis."""
+
+ACCOUNTS = {
+    **line_law.accounts,
+    "receiver_SIDE": "energy sent to a side and not yet released, in counts of 2^-40 J",
+    "network": "energy in transit",
+}
+"""What the elements of a pair are."""
 
 
 def fill_receiver(out: Row, at: int, e: LinkEnd) -> int:
@@ -360,16 +382,14 @@ law = line_law._replace(
     steps=line_law.steps._replace(
         start=start,
         exchange=exchange,
-        fill_signals=fill_signals,
+        fill_signals=fill_each(SIGNALS),
         fill_elements=fill_elements,
     ),
     end=LinkedEnd,
     link=LinkPair,
-    signals=(
-        *line_law.signals,
-        *("link_delay", "link_depth", "link_backlog", "link_silence", "link_lost", "link_cut"),
-    ),
+    signals=SIGNALS,
     elements=element_names,
+    accounts=ACCOUNTS,
     guards={
         **line_law.guards,
         RECEIVER_OVERDRAWN: Guard(

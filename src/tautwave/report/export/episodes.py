@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,8 +13,8 @@ import numpy as np
 from tautwave.config.guard import parse_json, read_guarded
 from tautwave.config.text.document import open_document
 from tautwave.errors import ConfigError, RecordingError
-from tautwave.recordings.recording import read_recording
-from tautwave.report.columns import unit_of
+from tautwave.recordings.recording import Recording, read_recording
+from tautwave.report.columns import described
 from tautwave.report.run.rundir import SIDES, block
 from tautwave.report.units import number
 from tautwave.summary.file import LARGEST
@@ -116,15 +116,11 @@ def axis_blocks(attachments: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
     }
 
 
-def units(columns: Iterable[str], attachments: Mapping[str, bytes]) -> dict[str, str]:
+def units(rows: Recording) -> dict[str, str]:
     """Return the unit of each column that has one, by the axes of the run's own rig."""
-    axes = axis_blocks(attachments)
-    by_column = {}
-    for column in columns:
-        about = next((axis for axis in axes if f"{axis}." in column), None)
-        # A pair is in its master's units.
-        axis = axes.get(about or f"master.{column.partition('.')[0]}", {})
-        kind, causality = axis.get("kind", "rotary"), axis.get("causality", "impedance")
-        if unit := unit_of(column, str(kind), str(causality)):
-            by_column[column] = unit
-    return by_column
+    axes = {
+        name: (str(keys.get("kind", "rotary")), str(keys.get("causality", "impedance")))
+        for name, keys in axis_blocks(rows.attachments).items()
+    }
+    found = described(rows.columns, rows.metadata, axes)
+    return {column: of.unit for column, of in found.items() if of.unit}

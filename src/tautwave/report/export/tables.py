@@ -164,7 +164,7 @@ def _parquet(episode: _Rows) -> bytes:
     for rows in episode.blocks():
         table = rows.to_arrow()
         if writer is None:
-            stated = units(rows.columns, rows.attachments)
+            stated = units(rows)
             fields = [
                 field.with_metadata({"unit": stated[field.name]}) if field.name in stated else field
                 for field in table.schema
@@ -197,7 +197,7 @@ def _mat(episode: _Rows) -> bytes:
         packed,
         {
             "recording": _nested(content, places),
-            "units": _nested(units(rows.columns, rows.attachments), places),
+            "units": _nested(units(rows), places),
         },
         long_field_names=True,
         do_compression=True,

@@ -105,6 +105,7 @@ def _motion(run: Run) -> Iterator[Part]:
     yield from _link(run)
     yield from _books(run)
     yield from _precision(run)
+    yield from _reported(run)
     yield from _timing(run)
 
 
@@ -197,6 +198,13 @@ def _precision(run: Run) -> Iterator[Markup]:
         yield Markup('<p class="soft">{}</p>').format(sentence)
     for content in precision_tables(run):
         yield table(content)
+
+
+def _reported(run: Run) -> Iterator[Markup]:
+    own = tables.reported_table(run)
+    if own.rows:
+        yield Markup('<h2 id="reported">Drivers and law</h2>')
+        yield table(own)
 
 
 def _certificate(run: Run) -> Iterator[Part]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tautwave.columns import ACCOUNT
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.hooks import report_hooks
 from tautwave.report.link import link_figures
@@ -115,7 +116,7 @@ def periods_us(time: Floats, read: dict[str, Floats], rate_hz: float) -> Floats:
 
 def element_books(run: Run, pair: str, element: str) -> tuple[Floats, Floats, Floats] | None:
     """Absorbed, stored and dissipated [J] of one element, or None when not all were recorded."""
-    names = [f"{pair}.{element}.{kind}" for kind in ("absorbed", "stored", "dissipated")]
+    names = [f"{pair}.{element}.{kind}" for kind in ACCOUNT]
     books = run.read(*names)
     if len(books) < 3:
         return None

@@ -16,6 +16,7 @@ from tautwave.config import Rig, parse_rig
 from tautwave.config.keys.coupling import STANDARD_LAW
 from tautwave.errors import ConfigError
 from tautwave.registry import coupling_messages
+from tautwave.report.columns import Described, described
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.scratch import Scratch
 from tautwave.report.units import number
@@ -95,6 +96,23 @@ class Run:
         if not self.rig_text:
             raise ConfigError(f"{path} is missing")
         return parse_rig(self.rig_text, path)
+
+    @cached_property
+    def described(self) -> dict[str, Described]:
+        """Unit and meaning of each column that is known."""
+        axes = {
+            f"{side}.{name}": (str(keys.get("kind")), str(keys.get("causality")))
+            for side in SIDES
+            for name in block(self.rig, side, "axes")
+            if (keys := block(self.rig, side, "axes", name))
+        }
+        elements = [f"{pair}.{one}.absorbed" for pair in self.pairs for one in self.elements(pair)]
+        return described([*self.columns, *elements], self.metadata, axes)
+
+    def meaning(self, column: str) -> str:
+        """Return what a column is, "" where that is not known."""
+        of = self.described.get(column)
+        return "" if of is None else of.meaning
 
     @property
     def began(self) -> bool:

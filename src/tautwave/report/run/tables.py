@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from tautwave.report.claims import kept_claims
+from tautwave.report.columns import is_own
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
 from tautwave.report.run.views import PairView
@@ -12,31 +17,6 @@ from tautwave.tables import Table, of_numbers
 
 MAX_CONTACTS = 12
 MAX_ELEMENTS = 40
-
-
-ELEMENT = {
-    "port": "wave port, with its tank",
-    "line": "delay line",
-    "filter": "wave filter",
-    "converter": "between the rates of the line and a slower bus",
-    "wall": "local virtual wall",
-    "damper": "matched termination",
-    "operate": "both motors while not engaged",
-    "align_slave": "the slave's motor while it is moved into position or held",
-    "hold_master": "the master's motor while it is held",
-    "coupler": "spring and damper between the devices",
-}
-_PLANT = {
-    "hand_work": "work of the hand",
-    "motor_work": "work of the motor",
-    "kinetic": "kinetic energy at the end",
-    "grip_stored": "held in the grip at the end",
-    "environment_stored": "held in the environment at the end",
-    "grip_loss": "lost in the grip",
-    "viscous_loss": "lost in viscous friction",
-    "coulomb_loss": "lost in Coulomb friction",
-    "environment_loss": "lost in the environment",
-}
 
 
 STORES = (">absorbed", ">stored at the end", ">dissipated", ">generated")
@@ -51,7 +31,7 @@ def element_table(run: Run) -> Table:
             label = name.replace("_", " ")
             joules = (account.absorbed, account.stored, account.dissipated, account.generated)
             cells = [quantity(one, "J") for one in joules]
-            what = ELEMENT.get(name.partition("_")[0], "")
+            what = run.meaning(f"{pair}.{name}.absorbed")
             rows.append((f"{pair}: {label}" if several else label, what, *cells))
     return Table(
         "Controller, by element",
@@ -112,23 +92,52 @@ def claim_table(run: Run) -> Table:
 def plant_table(run: Run) -> Table:
     """True energies of hand, devices and environment, from the recording's last row."""
     axes: dict[str, dict[str, float]] = {}
+
+    def meaning_of(kind: str) -> str:
+        return run.meaning(f"plant.{next(axis for axis in axes if kind in axes[axis])}.{kind}")
+
     for column in run.columns:
         if column.startswith("plant.") and run.rows:
             axis, _, what = column.removeprefix("plant.").rpartition(".")
             last = run.read(column, rows=slice(run.rows - 1, None))[column]
             axes.setdefault(axis, {})[what] = float(last[-1])
-    kinds = [k for k in _PLANT if any(k in account for account in axes.values())]
-    kinds += sorted({k for account in axes.values() for k in account} - set(kinds))
+    kinds = list(dict.fromkeys(k for account in axes.values() for k in account))
     rows = tuple(
-        (_PLANT.get(k, k.replace("_", " ")), *(_cell(account.get(k)) for account in axes.values()))
+        (k.replace("_", " "), meaning_of(k), *(_cell(of.get(k)) for of in axes.values()))
         for k in kinds
     )
     return Table(
         "Plant, from the simulation's true states",
-        of_numbers("account", *axes),
+        ("account", "description", *(f">{axis}" for axis in axes)),
         rows,
-        "Known in simulation only; hardware runs have no such table.",
+        "At the end of the run. Known in simulation only; hardware runs have no such table.",
     )
+
+
+def reported_table(run: Run) -> Table:
+    """The range of what drivers and law record beside what every rig does."""
+    columns = {name: of for name, of in run.described.items() if is_own(name)}
+    found: dict[tuple[str, str], list[tuple[float, float, str, str]]] = {}
+    for name, values in run.each(columns):
+        seen = values[np.isfinite(values)]
+        if len(seen):
+            owner, _, what = name.rpartition(".")
+            key = (what.replace("_", " "), columns[name].meaning)
+            unit = columns[name].unit
+            found.setdefault(key, []).append((float(seen.min()), float(seen.max()), owner, unit))
+    rows = []
+    for (what, meaning), ends in found.items():
+        low, high = min(ends), max(ends, key=lambda one: one[1])
+        rows.append((what, meaning, _end(low[0], low, ends), _end(high[1], high, ends)))
+    return Table(
+        "Reported by drivers and law", ("signal", "description", ">lowest", ">highest"), tuple(rows)
+    )
+
+
+def _end(value: float, of: tuple[float, float, str, str], all_of: Sequence[object]) -> str:
+    """Return an end of a range, and of which axis it is, where there are several."""
+    text = f"{value:.4g} {of[3]}".rstrip()  # no prefix: there are no kdegC
+    return text if len(all_of) == 1 else f"{text} ({of[2]})"
 
 
 def _cell(value: float | None) -> str:
@@ -295,6 +304,6 @@ def included_table(run: Run) -> Table:
     rows = []
     for pair in run.pairs:
         for name in run.elements(pair):
-            what = ELEMENT.get(name.partition("_")[0], "")
+            what = run.meaning(f"{pair}.{name}.absorbed")
             rows.append((f"{name.replace('_', ' ')} of {pair}", what or "–"))
     return Table("Used elements", ("element", "description"), tuple(rows))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tautwave.columns import ACCOUNT
 from tautwave.report.figures.envelope import Floats, Trace, trace
 from tautwave.report.run.contacts import Contact, find_contacts
 from tautwave.report.run.rebuild import Balance, element_books
@@ -30,7 +31,6 @@ from tautwave.wording import CouplingMessages
 
 RESISTING = ("port_effort", "wall_effort")
 """Columns of resisting efforts, positive against the position; figures show them along it."""
-ACCOUNTS = ("absorbed", "stored", "dissipated")
 FLAT = 1e-4
 """Share of an axis' limits below which a line is flat: it is named instead of drawn."""
 
@@ -125,7 +125,7 @@ def _bounds(view: PairView, side: str, axis: dict[str, Any]) -> None:
 
 def view_energy(run: Run, pair: str) -> EnergyView:
     """Energy accounts of `pair`, empty where the recording holds none."""
-    account: dict[str, dict[str, Trace]] = {kind: {} for kind in ACCOUNTS}
+    account: dict[str, dict[str, Trace]] = {kind: {} for kind in ACCOUNT}
     view = EnergyView([], account, None, 0.0)
     if run.rows == 0 or "time_s" not in run.columns:
         return view
@@ -136,7 +136,7 @@ def view_energy(run: Run, pair: str) -> EnergyView:
         if books is None:
             continue
         balance.add(*books)
-        for kind, values in zip(ACCOUNTS, books, strict=True):
+        for kind, values in zip(ACCOUNT, books, strict=True):
             account[kind][element] = trace(time, values)
         view.elements.append(element)
         del books  # before the next element's are read

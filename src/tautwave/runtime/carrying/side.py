@@ -12,10 +12,25 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from tautwave.columns import Column, names, under
 from tautwave.contracts import Row
 from tautwave.laws.limit import clamp, truncate
 from tautwave.runtime.carrying.felt import FeltLoad, Weighing
 from tautwave.types import UNDO_PAYLOAD
+
+LOAD = (
+    Column("effort", "N m, N", "sent beside the coupling's, along the position"),
+    Column("energy", "J", "absorbed by it from the device; negative: supplied"),
+)
+"""What is recorded of an axis whose load is carried: `load.SIDE.AXIS.name`."""
+LOADS = (
+    Column("potential", "J", "what the loads of a side or arm hold more than at the start"),
+    Column("leak", "J", "all of that energy with the potential's change"),
+    Column("given", "J", "most that was given at any time beyond the potential"),
+)
+"""What is recorded of all loads of a side or arm: `load.ARM.name`."""
+CHANGED = Column("changed", "J", "put into the potential by payload changes and felt ramps")
+"""Where they change in the run, too."""
 
 
 class CarriedAxis(NamedTuple):
@@ -94,12 +109,12 @@ class SideLoad:
         self._resting: set[int] = set()
         self._leak = 0.0  # as of the last update
         self.columns = [
-            f"load.{axis.name}.{what}" for axis in axes for what in ("effort", "energy")
+            column for axis in axes for column in names(under(f"load.{axis.name}", LOAD))
         ]
-        self.columns += [f"load.{name}.{what}" for what in ("potential", "leak", "given")]
+        self.columns += names(under(f"load.{name}", LOADS))
         self._changes = bool(self.others) or (felt is not None and felt.lets_go)
         if self._changes:
-            self.columns.append(f"load.{name}.changed")
+            self.columns.append(f"load.{name}.{CHANGED.name}")
 
     def drop(self, which: int) -> None:
         """Reset an axis' place and effort: its device is opened, perhaps again."""

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from tautwave.columns import Column, names, under
 from tautwave.contracts import Driver, Row
 from tautwave.controller.records import AxisParams, AxisState
 from tautwave.laws.lead import HandParams, LeadParams, hand_effort, hand_room
@@ -20,6 +21,22 @@ from tautwave.types import SAFE_COMMAND, AxisCommand
 from tautwave.wrapper import DriverWrapper
 
 PERSON, POLICY = "person", "policy"
+
+INTERVENTION = Column(
+    "operation.intervention",
+    "0, 1",
+    "with `operate.policy`: whether a person leads instead of the policy",
+)
+OF_POLICY = (
+    Column("reference", "rad, m", "where the policy leads the master to"),
+    Column("effort", "N m, N", "of the hand that the master's own motor plays"),
+    Column(
+        "given",
+        "J",
+        "energy that this hand gave beyond what its reference brought; negative: it took",
+    ),
+)
+"""What is recorded of a master that is led: `policy.PAIR.name`."""
 
 
 class LedAxis(NamedTuple):
@@ -198,10 +215,9 @@ class LedMasters(Leads):
         super().__init__({hand.axis.pair: hand for hand in self.hands})
         self._person = leader == PERSON
         self._coupled = False
-        self.columns = ["operation.intervention"]
+        self.columns = [INTERVENTION.name]
         for axis in axes:
-            self.columns += [f"policy.{axis.pair}.{what}" for what in ("reference", "effort")]
-            self.columns.append(f"policy.{axis.pair}.given")
+            self.columns += names(under(f"policy.{axis.pair}", OF_POLICY))
 
     def held(self) -> bool:
         """Return whether a person leads, or every hand that was led still is."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tautwave.columns import ACCOUNT, Column, names
 from tautwave.contracts import Row
 from tautwave.controller.records import (
     BROKEN,
@@ -40,14 +41,25 @@ from tautwave.runtime.operate.rest.aligning import Alignment
 from tautwave.runtime.operate.rest.axis import resting, send_resting, sense_resting
 from tautwave.runtime.operate.rest.holds import Holds, spent_sentence
 
-STATE_COLUMNS = (
-    "operation.state",
-    "operation.command",
-    "operation.engagement",
-    "operation.episode",
-    "operation.scale",
+OPERATION = (
+    Column(
+        "operation.state",
+        "",
+        "0 idle, 1 aligning, 2 engaged, 3 clutched, 4 holding, 5 stopping",
+    ),
+    Column(
+        "operation.command",
+        "",
+        "command taken in this cycle: 1 engage, 2 clutch, 3 hold, 4 rest, 5 stop, 6 scale, "
+        "7 episode, 8 payload, 9 take_over, 10 hand_back",
+    ),
+    Column("operation.engagement", "", "number of engagements so far"),
+    Column("operation.episode", "", "number of the current episode, 0 for none"),
+    Column("operation.scale", "", "factor on every pair's position_scale, 1 at first"),
 )
-ACCOUNT = ("absorbed", "stored", "dissipated")
+"""What an operated rig writes after its pairs."""
+ACCOUNTS = {"operate": "both motors while not engaged; negative: supplied by an alignment"}
+"""An element of each pair: its devices while no coupling holds them."""
 HOST_OR_SAMPLE = (MISSING, BROKEN, OVERRUN)
 """Ends of a run that come with the samples, or with slots that a stalled host missed."""
 
@@ -93,7 +105,7 @@ class OperatedControl(CoupledControl):
         self._suspect = self._coupled = False
         self._now = self._command = 0
         self._latency = max((p.delay for p in plain.params), default=0) + 2
-        self.columns += STATE_COLUMNS
+        self.columns += names(OPERATION)
         for name in self.pair_names:
             self.columns += [f"{name}.operate.{part}" for part in ACCOUNT]
 
@@ -409,7 +421,7 @@ class OperatedControl(CoupledControl):
         row[at + 2] = self.journal.engagements
         row[at + 3] = self.journal.running
         row[at + 4] = self.scale
-        at += len(STATE_COLUMNS)
+        at += len(OPERATION)
         for k in range(len(self.pairs)):
             taken = self._outside[k] + self._now_outside(k)
             row[at], row[at + 1], row[at + 2] = taken, 0.0, taken

@@ -6,12 +6,22 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
+from tautwave.columns import Column
 from tautwave.contracts import Row
 from tautwave.runtime.tuning.desk import ParameterPage
 from tautwave.runtime.tuning.knobs import Knob
 
 RAMP_S = 0.2
-GENERATION = "tuning.generation"
+GENERATION = Column("tuning.generation", "", "number of parameter sets applied so far")
+TUNED = (
+    GENERATION,
+    Column("tuning.SIDE.AXIS.wall_stiffness", "N m/rad, N/m", "of the local wall, as it acts"),
+    Column("tuning.SIDE.AXIS.wall_damping", "N m s/rad, N s/m", "of the local wall"),
+    Column("tuning.SIDE.AXIS.wall_position", "rad, m", "of the local wall"),
+    Column("tuning.SIDE.AXIS.effort_ceiling", "N m, N", "maximum effort of wall and coupling"),
+    Column("tuning.PAIR.wave_filter_hz", "Hz", "corner of the filter in both ports"),
+)
+"""What is recorded of a rig that is tuned; a knob's column ends in the name of its key."""
 
 
 class Change(NamedTuple):
@@ -46,7 +56,7 @@ class Tuning:
     ) -> None:
         self.knobs = knobs
         self.desk = desk
-        self.columns = [GENERATION, *(knob.column for knob in knobs)]
+        self.columns = [GENERATION.name, *(knob.column for knob in knobs)]
         self.changes: list[Change] = []
         self.note = note
         self._values = [knob.value for knob in knobs]

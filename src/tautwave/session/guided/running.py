@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,6 +34,7 @@ from tautwave.session.devices import devices
 from tautwave.session.guided.answers import Answers, Declined, Misread, confirmed
 from tautwave.session.guided.control import Guide, GuidedControl
 from tautwave.session.keeping import run_directory
+from tautwave.session.metadata import metadata_of
 from tautwave.session.running import loop_conditions
 
 LONGEST_S = 3600.0
@@ -153,7 +153,7 @@ def run_guided(
         recorder = Recorder(
             out / "recording.mcap",
             assembly.columns,
-            metadata={"version": version("tautwave"), "rig": rig.name, "clock": ways.clock},
+            metadata=metadata_of(rig, ways.clock, assembly.columns),
             attachments={"rig.yaml": text.encode()},
             rows=rig.loop.ring_rows,
             lossless=ways.clock == "fake",

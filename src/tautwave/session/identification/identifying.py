@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,6 +38,7 @@ from tautwave.session.identification.exciting import (
     plan_excitation,
 )
 from tautwave.session.identification.slots import axis_slots
+from tautwave.session.metadata import metadata_of
 from tautwave.session.running import loop_conditions
 from tautwave.types import CommandDelay
 
@@ -384,8 +384,7 @@ def record_excitation(
         recorder = Recorder(
             out / "recording.mcap",
             assembly.columns,
-            metadata={"version": version("tautwave"), "rig": rig.name, "clock": clock,
-                      "identifies": name},
+            metadata=metadata_of(rig, clock, assembly.columns, identifies=name),
             attachments={"rig.yaml": text.encode()},
             rows=rig.loop.ring_rows,
             lossless=clock == "fake",

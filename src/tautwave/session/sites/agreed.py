@@ -8,17 +8,6 @@ from typing import Any, NamedTuple
 
 from tautwave.summary.model import Pair, Site
 
-LINK_COLUMNS = (
-    "link.session",
-    "link.slot",
-    "link.silence_s",
-    "link.holding",
-    "link.delay_s",
-    "link.aligning",
-)
-ALIGNED = {"master": "hold_master", "slave": "align_slave"}
-"""Elements of the books: a side's motor while no coupling holds it."""
-
 
 class SiteLimits(NamedTuple):
     """When a site holds and stops.

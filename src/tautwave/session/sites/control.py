@@ -20,16 +20,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from tautwave.columns import names
 from tautwave.contracts import Row
 from tautwave.controller.axis import is_calm
 from tautwave.controller.records import FINISHED, GUARD, LINK
 from tautwave.controller.run import begin_stop, forget_stop
 from tautwave.controller.steps import SiteLaw
 from tautwave.errors import LinkError, TautwaveError
+from tautwave.link.columns import LINK_COLUMNS
 from tautwave.link.packet import Line
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.engagement import end_session
-from tautwave.session.sites.agreed import LINK_COLUMNS, SiteLimits, lost_words, unready_words
+from tautwave.session.sites.agreed import SiteLimits, lost_words, unready_words
 from tautwave.session.sites.desk_line import DeskLine, keep_note, session_of
 from tautwave.session.sites.endpoint import Endpoint
 from tautwave.session.sites.meeting import Meeting
@@ -100,7 +102,7 @@ class SiteControl(CoupledControl):
         self._measured = self._resting = False
         self._rests = self.master_rests or side == 1
         books = self._meeting.rest.columns(SIDES[side]) if self._rests else []
-        self.columns = [*self._rows.names, *LINK_COLUMNS, *books]
+        self.columns = [*self._rows.names, *names(LINK_COLUMNS), *books]
         self._slot = 0
         self._engaged = False
         self._held_from = -1

@@ -12,6 +12,7 @@ import secrets
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tautwave.columns import names
 from tautwave.contracts import Row
 from tautwave.controller.records import FINISHED, GUARD, LINK, OVERRUN
 from tautwave.controller.run import forget_stop
@@ -31,7 +32,7 @@ from tautwave.runtime.operate.commands import (
 from tautwave.runtime.operate.engagement import drop_commands, end_session
 from tautwave.runtime.operate.inbox import People
 from tautwave.runtime.operate.journal import Entry, Journal
-from tautwave.runtime.operate.operated import HOST_OR_SAMPLE, STATE_COLUMNS
+from tautwave.runtime.operate.operated import HOST_OR_SAMPLE, OPERATION
 from tautwave.runtime.operate.rest.holds import spent_sentence
 from tautwave.session.sites.accord import Accord, read_accord, settled
 from tautwave.session.sites.control import SiteControl
@@ -70,7 +71,7 @@ class OperatedSite(SiteControl):
         self._meeting.rest.begin(seated=False)
         self._plain_columns = len(self.columns)
         self._repeat = max(1, round(REPEAT_S * 1e9 / self.run.period_ns))
-        self.columns += STATE_COLUMNS
+        self.columns += names(OPERATION)
 
     @property
     def standing(self) -> st.Standing:

@@ -6,19 +6,18 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
+from tautwave.columns import ACCOUNT
 from tautwave.contracts import Row
 from tautwave.controller.run import stop_on_guard
 from tautwave.laws.limit import guard_axis
 from tautwave.laws.rest.alignment import align_budget
 from tautwave.laws.rest.brake import BrakeParams
+from tautwave.link.columns import ALIGNED
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.operate.rest.aligning import PATIENCE_S
 from tautwave.runtime.operate.rest.axis import resting, send_resting, sense_resting
 from tautwave.runtime.operate.rest.holds import Holds
 from tautwave.runtime.operate.rest.pull import Pull, PullParams
-from tautwave.session.sites.agreed import ALIGNED
-
-ACCOUNT = ("absorbed", "stored", "dissipated")
 
 
 class Approach(NamedTuple):

@@ -15,7 +15,7 @@ from tautwave.controller.records import Sample
 from tautwave.simulation.kernel.pack import Pieces, pack_device
 from tautwave.simulation.kernel.records import DeviceParams, DeviceState
 from tautwave.simulation.kernel.tables import blank_records, records_of, view_of
-from tautwave.truth import AxisModel
+from tautwave.truth import AxisModel, truth_columns
 from tautwave.types import JointState
 
 _made = tuple.__new__
@@ -55,7 +55,7 @@ class CompiledDevices:
         self.columns = [
             name
             for spec, of in zip(bus.axes, params, strict=True)
-            for name in _columns(spec.name, hand=of.last >= 0)
+            for name in truth_columns(spec.name, hand=of.last >= 0)
         ]
         row = np.zeros(max(len(self.columns), 1))
         self.row = view_of(row)[: len(self.columns)]
@@ -115,12 +115,3 @@ class CompiledDevices:
 
     def close(self) -> None:
         """Nothing to release."""
-
-
-def _columns(name: str, *, hand: bool) -> list[str]:
-    """Return what is recorded of the truth about an axis."""
-    true = ["position", "velocity", *(["reference", "hand_effort"] if hand else [])]
-    books = ["hand_work", "motor_work", "kinetic", "grip_stored", "environment_stored"]
-    books += ["grip_loss", "viscous_loss", "coulomb_loss", "environment_loss"]
-    columns = [f"true.{name}.{it}" for it in (*true, "environment_effort")]
-    return columns + [f"plant.{name}.{it}" for it in books]

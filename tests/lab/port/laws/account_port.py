@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 from pydantic import Field
 
+from tautwave.columns import Column
 from tautwave.config import Coupling, Pair
 from tautwave.contracts import CoupledAxis, CouplingPlugin, Row
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
-from tautwave.controller.steps import Law, Steps
+from tautwave.controller.steps import Law, Steps, fill_each
 from tautwave.laws.limit import clamp
 from tautwave.laws.wave_filter import filter_step
 
@@ -193,12 +194,11 @@ def compute_effort(s: AxisState, p: AxisParams, free_velocity: float) -> float:
     return effort
 
 
-def fill_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
-    """Write the waves, and how many leaving ones the account could not pay for so far."""
-    out[at] = s.end.wave_in
-    out[at + 1] = s.end.leaving
-    out[at + 2] = s.end.cut
-    return at + 3
+SIGNALS = (
+    Column("wave_in", "W^½", "the wave that arrived", lambda s, p: s.end.wave_in),
+    Column("wave_out", "W^½", "the wave that left", lambda s, p: s.end.leaving),
+    Column("cut_waves", "", "waves the account did not pay for so far", lambda s, p: s.end.cut),
+)
 
 
 def element_names(q: PairParams, p1: AxisParams, p2: AxisParams) -> list[str]:
@@ -224,11 +224,11 @@ law = Law(
         close=close,
         exchange=exchange,
         compute_effort=compute_effort,
-        fill_signals=fill_signals,
+        fill_signals=fill_each(SIGNALS),
         fill_elements=fill_elements,
     ),
     end=AccountEnd,
-    signals=("wave_in", "wave_out", "cut_waves"),
+    signals=SIGNALS,
     elements=element_names,
 )
 plugin = CouplingPlugin("wave ports with accounts", AccountCoupling, law, end_constants)
