@@ -9,6 +9,8 @@ from tautwave.config import load_rig
 from tautwave.config.shipped import find_example
 from tautwave.controller.pair import effort_error, position_error
 from tautwave.controller.rows import AXIS, MEASURED, PAIR, WALL
+from tautwave.recordings.layout import DESCRIBED
+from tautwave.recordings.recording import described_in
 from tautwave.report.columns import SECTIONS, about, describe
 from tautwave.rig import command_delays
 from tautwave.rig.controller import make_control
@@ -84,3 +86,10 @@ def test_a_column_is_of_the_first_kind_that_matches(column: str, kind: str | Non
     every = (*ordered, "scene.at.NODE", "PAIR.ELEMENT.stored", "PAIR.ELEMENT.absorbed")
     found = Kinds(Column(name, "", "") for name in every).of(column)
     assert (found.name if found else None) == kind
+
+
+@pytest.mark.parametrize("told", ["", "x", "[1]", "3", '{"a": 1}', '{"a": ["m"]}', "[" * 100_000])
+def test_what_a_recording_says_wrongly_of_its_columns_is_not_taken(told: str) -> None:
+    assert described_in({DESCRIBED: told}) == {}
+    assert described_in({DESCRIBED: '{"a": ["m", "there"]}'}) == {"a": ("m", "there")}
+    assert described_in({}) == {}

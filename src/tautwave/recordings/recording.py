@@ -153,7 +153,7 @@ def described_in(metadata: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     try:
         told = json.loads(metadata.get(DESCRIBED, "{}"))
         return {str(name): (str(unit), str(what)) for name, (unit, what) in told.items()}
-    except (ValueError, TypeError, AttributeError):
+    except (ValueError, TypeError, AttributeError, RecursionError):
         return {}
 
 
