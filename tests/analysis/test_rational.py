@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from tautwave.analysis.exact import polynomials as poly
-from tautwave.analysis.exact.axis import curve, passivity_margin, response
+from tautwave.analysis.exact.axis import passivity_margin
 from tautwave.analysis.exact.delay_roots import DelayLoop, rightmost_roots
 from tautwave.analysis.exact.rational import Delayed, Rational, S, Sampled, rational
 from tautwave.errors import ConfigError
 from tests.analysis.reference.bilinear import bilinear
+from tests.analysis.reference.curves import curve, response
 from tests.analysis.reference.delay_loops import unstable_count
 from tests.analysis.reference.gains import stable_gains, unconditionally_stable
 from tests.analysis.reference.passivity_scan import scan_passivity

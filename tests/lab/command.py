@@ -5,6 +5,7 @@ What a user measures on their own machine is `tautwave bench`.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ import click
 
 from tautwave.bench.result import Suite
 from tautwave.cli.group import Commands
-from tautwave.cli.options import Number, jobs_option, json_option, keep_option, out_option, positive
+from tautwave.cli.options import Number, Whole, json_option, out_option, positive
 from tautwave.cli.terminal.measured import print_suites
 
 
@@ -28,6 +29,23 @@ class Laboratory(Commands):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command of this module."""
         return self.commands.get(cmd_name)
+
+
+def _all_cores(_context: object, _option: object, value: int | None) -> int:
+    return value or len(os.sched_getaffinity(0))
+
+
+jobs_option = click.option(
+    "--jobs",
+    type=Whole(1),
+    callback=_all_cores,
+    help="Processes [default: one for each processor core].",
+)
+keep_option = click.option(
+    "--keep",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File of the finished random cases, from which an interrupted run resumes.",
+)
 
 
 def recordings_option(what: str) -> Callable[..., Any]:

@@ -7,7 +7,6 @@ import math
 import pytest
 
 from tautwave.bench.precision.points import Point, Scene
-from tautwave.bench.precision.rigs import WAVE_WALL
 from tautwave.models.integrators.schemes import EXACT
 from tautwave.models.plant_params import plant_cache
 from tests.lab.peers import mujoco as peers_mujoco
@@ -28,6 +27,7 @@ from tests.lab.workprecision.plain import (
     plain_scene,
     run_devices,
 )
+from tests.lab.workprecision.rigs import WAVE_WALL
 
 
 def point(method: str, step: float, error: float, cpu_s: float) -> Point:

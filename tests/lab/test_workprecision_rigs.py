@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from tautwave.bench.precision.rigs import WAVE_FOAM, rig_scene, run_job
+from tautwave.bench.precision.rigs import rig_scene, run_job
 from tautwave.simulation import simulate
 from tautwave.simulation.kernel.compiled import compiled_kernel
 from tautwave.simulation.kernel.pack import pack_rig
+from tests.lab.workprecision.rigs import WAVE_FOAM
 
 pytest.importorskip("numba")
 pytestmark = pytest.mark.timeout(600)  # where the kernel has to be compiled first

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tautwave.models.encoder import quantise, truncate
+from tautwave.laws.limit import truncate
+from tautwave.models.encoder import quantise
 from tautwave.models.hand import PAPER_HAND, rotary_hand
 from tautwave.models.reference import minimum_jerk_position, ramp_gain, sine_position
 

@@ -21,7 +21,7 @@ from tautwave_drivers.cia402.machine import Machine
 from tautwave_drivers.cia402.modes import Mode
 from tautwave_drivers.cia402.states import MODE_BIT_12, State
 from tautwave_drivers.cia402.terms import Quirks, Timeouts
-from tautwave_drivers.cia402.units import INT16, INT32
+from tautwave_drivers.cia402.units import INT16, INT32, to_counts
 
 READ_VELOCITY = bytes.fromhex("406c600000000000")
 READ_TORQUE = bytes.fromhex("4077600000000000")
@@ -60,8 +60,6 @@ class Told:
 
 _HALF, _WHOLE = 1 << 31, 1 << 32
 _ON_THE_WAY = (State.READY, State.SWITCHED_ON, State.OPERATION_ENABLED)
-_floor = math.floor
-_finite = math.isfinite
 
 
 class ResponseTime(NamedTuple):
@@ -375,14 +373,7 @@ class Axis:
             self.values[1] = 0
             return
         value = command.velocity if self.servo else command.effort
-        count = value / self._quantum
-        most = self._most
-        if -most <= count <= most:
-            self.values[1] = self._sign * _floor(count + 0.5)
-        elif _finite(value):
-            self.values[1] = self._sign * (most if count > 0.0 else -most)
-        else:
-            self.values[1] = 0  # NaN or infinite
+        self.values[1] = self._sign * to_counts(value, self._quantum, self._most)
 
     def history(self) -> str:
         """Return what was lost and late, for the notes; '' if nothing was."""

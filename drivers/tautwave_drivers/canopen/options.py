@@ -173,7 +173,6 @@ def _scale(node: Node, kind: str) -> AxisScale:
         node.counts_per_revolution,
         node.rated_torque,
         velocity_quantum=quantum * node.velocity_factor,
-        direction=node.direction,
     )
 
 

@@ -51,7 +51,6 @@ CONTROL_BITS = {
 }
 """Controlword bits that a mode adds to the common ones; halt (bit 8) is common."""
 
-RELATIVE = 1 << 6
 HOMING_START = 1 << 4
 CYCLIC_MODES = frozenset((Mode.CSP, Mode.CSV, Mode.CST))
 

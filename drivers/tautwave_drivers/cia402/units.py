@@ -31,46 +31,12 @@ class AxisScale(NamedTuple):
     """Value of one count at the axis, in SI.
 
     `encoder_quantum` [rad or m] of 6064h and 607Ah, `velocity_quantum` [rad/s or m/s] of 606Ch and
-    60FFh, `effort_quantum` [N m or N] of 6071h, 6077h and 60B2h (1/1000 of rated). `direction` is
-    -1 where the drive counts against the axis, else 1; the quanta are positive.
+    60FFh, `effort_quantum` [N m or N] of 6071h, 6077h and 60B2h (1/1000 of rated).
     """
 
     encoder_quantum: float
     velocity_quantum: float
     effort_quantum: float
-    direction: int = 1
-
-    def position(self, counts: int) -> float:
-        """Return the position [rad or m] of `counts`."""
-        return self.direction * counts * self.encoder_quantum
-
-    def velocity(self, counts: int) -> float:
-        """Return the velocity [rad/s or m/s] of `counts`."""
-        return self.direction * counts * self.velocity_quantum
-
-    def effort(self, counts: int) -> float:
-        """Return the motor's effort at the axis [N m or N] of `counts` (per mille of rated)."""
-        return self.direction * counts * self.effort_quantum
-
-    def effort_counts(self, effort: float, limit: int = INT16) -> int:
-        """Return the per mille of rated torque for `effort` [N m or N], within +-`limit`.
-
-        What is not finite becomes 0: a motor gets no torque from a NaN.
-        """
-        return self.direction * to_counts(effort, self.effort_quantum, min(limit, INT16))
-
-    def velocity_counts(self, velocity: float, limit: int = INT32) -> int:
-        """Return the counts for `velocity` [rad/s or m/s], within +-`limit`; NaN becomes 0."""
-        return self.direction * to_counts(velocity, self.velocity_quantum, min(limit, INT32))
-
-    def position_counts(self, position: float, hold_counts: int) -> int:
-        """Return the counts for `position` [rad or m]; `hold_counts` if it is not finite.
-
-        There is no safe number among positions but the one the axis has, so the caller gives it.
-        """
-        if not math.isfinite(position):
-            return hold_counts
-        return self.direction * to_counts(position, self.encoder_quantum, INT32)
 
 
 def to_counts(value: float, quantum: float, limit: int) -> int:
@@ -126,7 +92,6 @@ def axis_scale(
     *,
     encoder_revolutions: int = 1,
     velocity_quantum: float = 0.0,
-    direction: int = 1,
 ) -> AxisScale:
     """Return the scale of an axis whose drive counts encoder increments of its motor.
 
@@ -141,13 +106,11 @@ def axis_scale(
     velocity_quantum : float
         [rad/s or m/s] of one velocity count, from one of the functions below; 0 for increments
         per second.
-    direction : int
-        1, or -1 where the drive counts against the axis.
 
     Raises
     ------
     ConfigError
-        A number that has to be positive is not, or `direction` is neither 1 nor -1.
+        A number that has to be positive is not.
 
     Notes
     -----
@@ -170,8 +133,6 @@ def axis_scale(
         wrong.append(f"feed (6092:01) is {transmission.feed_m} m; 0 means a rotary axis")
     if not 0.0 <= velocity_quantum < math.inf:
         wrong.append(f"velocity quantum is {velocity_quantum}; 0 means increments per second")
-    if direction not in (1, -1):
-        wrong.append(f"direction is {direction}; it has to be 1 or -1")
     if wrong:
         raise ConfigError(wrong)
     travel = transmission.travel
@@ -180,5 +141,4 @@ def axis_scale(
         encoder_quantum,
         velocity_quantum if velocity_quantum > 0.0 else encoder_quantum,
         rated_torque / 1000.0 * (math.tau / travel),
-        direction,
     )

@@ -40,7 +40,6 @@ class Register(NamedTuple):
 
 
 IDENTITY = Register("firmware, byte order, model", 0, 5, eeprom=True)
-DEVICE_ID = Register("id", 5, 1, eeprom=True)
 SEVENTH = Register("return delay or second id", 7, 1, eeprom=True)
 LEVEL = Register("answer level", 8, 1, eeprom=True)
 MIN_ANGLE = Register("min angle", 9, 2, 15, eeprom=True)
@@ -57,12 +56,9 @@ GOAL_SPEED = Register("goal speed", 46, 2, 15)
 TORQUE_LIMIT = Register("torque limit", 48, 2)
 LOCK = Register("lock", 55, 1)
 POSITION = Register("present position", 56, 2, 15)
-SPEED = Register("present speed", 58, 2, 15)
-LOAD = Register("present load", 60, 2, 10)
 VOLTAGE = Register("present voltage", 62, 1)
 TEMPERATURE = Register("present temperature", 63, 1)
 STATUS = Register("status", 65, 1)
-CURRENT = Register("present current", 69, 2, 15)
 
 CYCLE = Register("torque to present current", TORQUE.address, 31)
 """Read in every cycle: with the samples whether torque is on, and what a power cycle resets."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 from tautwave.contracts import Clock
 from tautwave.types import AxisCommand, Fault, JointState
+from tautwave_drivers.cia402.units import to_counts
 from tautwave_drivers.modbus.machine402 import Drive402
 from tautwave_drivers.modbus.options import Device
 from tautwave_drivers.modbus.profile import BITS, Step
@@ -234,17 +235,11 @@ class Station:
 
     def command(self, command: AxisCommand) -> None:
         """Stage a command; zero where it is not finite or the drive is not enabled."""
-        count = (command.effort if self._impedance else command.velocity) / self._quantum
-        most = self._most
         if not self.on or self.failed:
-            complete = 0
-        elif -most <= count <= most:
-            complete = math.floor(count + 0.5)
-        elif math.isfinite(count):
-            complete = most if count > 0.0 else -most
-        else:
-            complete = 0
-        self.stage(complete * self._sign)
+            self.stage(0)
+            return
+        value = command.effort if self._impedance else command.velocity
+        self.stage(self._sign * to_counts(value, self._quantum, self._most))
 
     def exchange(self) -> Sequence[Request]:
         """Return the requests of this cycle: command, state, and a fault's code if any."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -234,20 +233,3 @@ def echo_json(value: Any) -> None:
     """Print `value` as readable JSON."""
     with suppress_output_errors(sys.stdout, BrokenPipeError):
         click.echo(json.dumps(value, indent=2, ensure_ascii=False))
-
-
-def _all_cores(_context: object, _option: object, value: int | None) -> int:
-    return value or len(os.sched_getaffinity(0))
-
-
-jobs_option = click.option(
-    "--jobs",
-    type=Whole(1),
-    callback=_all_cores,
-    help="Processes [default: one for each processor core].",
-)
-keep_option = click.option(
-    "--keep",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="File of the finished random cases, from which an interrupted run resumes.",
-)

@@ -15,25 +15,3 @@ def quantise(value: float, quantum: float) -> float:
     if not math.fabs(count) < _WHOLE:
         return value
     return float(math.floor(count + 0.5)) * quantum
-
-
-def truncate(value: float, quantum: float) -> float:
-    """Greatest multiple of `quantum` not beyond `value`, towards zero; 0 leaves the value as it is.
-
-    Never larger than the value, so a limited effort stays limited; idempotent to the bit, which
-    dividing and rounding down alone is not.
-    """
-    if not quantum > 0.0:
-        return value
-    size = math.fabs(value)
-    count = size / quantum
-    if not count < _WHOLE:
-        return value
-    whole = float(math.floor(count))
-    if (whole + 1.0) * quantum <= size:
-        whole = whole + 1.0
-    elif whole * quantum > size:
-        whole = whole - 1.0
-    if value < 0.0:
-        return -(whole * quantum)
-    return whole * quantum

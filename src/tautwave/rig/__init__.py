@@ -44,7 +44,6 @@ from tautwave.rig.truth import (
     axis_integration,
     axis_model,
     foam_params,
-    simulated_axes,
     true_delay_s,
 )
 from tautwave.rig.ways import (
@@ -113,7 +112,6 @@ __all__ = [
     "pair_scale",
     "real_buses",
     "run_params",
-    "simulated_axes",
     "site_params",
     "slave_offset",
     "standing_offset",

@@ -70,11 +70,6 @@ def true_delay_s(rig: Rig, axis_name: str, declared: CommandDelay) -> float:
     return truth + declared.periods * period + declared.remainder_s
 
 
-def simulated_axes(rig: Rig) -> Sequence[str]:
-    """Return the names of all axes that are simulated."""
-    return tuple(rig.axes) if rig.simulation is not None else ()
-
-
 def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:
     """Return the truth of one axis: device, hand at the master, environment at the slave."""
     assert rig.simulation is not None

@@ -135,10 +135,6 @@ def _closed(rig: Rig, delays: Mapping[str, CommandDelay]) -> ClosedScene:
     return ClosedScene(rig, axes, delayed, close_all(closed, close), close, curved)
 
 
-def _named(network: Network, kinds: tuple[str, ...]) -> list[str]:
-    return [link.name for link in network.links if link.kind in kinds]
-
-
 def _curved(network: Network, limit: float) -> tuple[str, ...]:
     """Return the condition for nonlinear links and strings, if there are any but walls at ports."""
     fixed = [name for name, _ in network.grounds]

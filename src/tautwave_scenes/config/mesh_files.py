@@ -19,7 +19,6 @@ LARGEST_MESH = 64 * 1024 * 1024
 ROOMS = {".msh": "gmsh", ".vtk": "vtk", ".vtu": "vtu"}
 TETRAHEDRON = "tetra"
 BOUNDARY = ("vertex", "line", "triangle")
-OWN = b"$MeshFormat\n2"
 PHYSICAL = "gmsh:physical"
 
 

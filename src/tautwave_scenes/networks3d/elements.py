@@ -17,8 +17,6 @@ from tautwave_scenes.models.tissue.mesh import shape_of
 Numbers = Any
 """A list of numbers (live) or an array (compiled), as in `networks3d.arrays`."""
 
-CORNERS = 4
-
 
 class Element(NamedTuple):
     """A tetrahedron between four nodes.

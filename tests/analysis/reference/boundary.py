@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
-from tautwave.analysis.ports.loop_modes import Crossing
+
+class Crossing(NamedTuple):
+    """The first number of samples whose verdict differs from the one before, and that verdict."""
+
+    samples: int
+    stable: bool
 
 
 def stability_crossings(

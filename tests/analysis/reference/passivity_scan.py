@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
-from tautwave.analysis.exact.axis import Floats, PassivityMargin, _changes, _degrees, axis_grid
+from tautwave.analysis.exact.axis import Floats, PassivityMargin, _degrees, axis_grid
 from tautwave.analysis.exact.positive_real import (
     Band,
 )
@@ -83,3 +84,8 @@ def bisect(f: Callable[[float], float], low: float, high: float) -> float:
         else:
             high = middle
     return 0.5 * (low + high)
+
+
+def _changes(sign: npt.NDArray[np.bool_]) -> list[int]:
+    """Return where neighbours differ."""
+    return [int(i) for i in np.flatnonzero(sign[1:] != sign[:-1])]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tautwave import canvas
-from tautwave.analysis.exact.axis import curve
 from tautwave.analysis.exact.rational import Delayed
 from tautwave.canvas import heading, legend
+from tests.analysis.reference.curves import curve
 from tests.lab.papers import Chapter, Row, relative
 from tests.lab.papers import resonator_loop as resonator
 from tests.lab.papers.loops import modulus_margin, revised_bode

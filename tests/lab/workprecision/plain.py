@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tautwave.bench.precision.points import Point, Scene
-from tautwave.bench.precision.rigs import WAVE_WALL, RigScene
+from tautwave.bench.precision.rigs import RigScene
 from tautwave.bench.result import Goal, Table, Value
 from tautwave.models.integrators.schemes import DORMAND_PRINCE
 from tautwave.models.plant import plant_step
@@ -26,6 +26,7 @@ from tests.lab.plain.scene import DELAY, plain_set
 from tests.lab.plain.truth import plain_error, plain_truth
 from tests.lab.timing import cheapest, cpu_time
 from tests.lab.workprecision.contact import compiled, records
+from tests.lab.workprecision.rigs import WAVE_WALL
 
 NAME = "wave-plain"
 SET = plain_set(1e-3, 6.0, 0.45, 0.45, 0.005, 2000.0)

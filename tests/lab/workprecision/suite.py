@@ -14,13 +14,7 @@ from pathlib import Path
 
 from tautwave.bench.compiled import NO_NUMBA, has_numba
 from tautwave.bench.precision.points import Point, Scene
-from tautwave.bench.precision.rigs import (
-    ORACLE,
-    WAVE_FOAM,
-    WAVE_WALL,
-    rig_scene,
-    run_job,
-)
+from tautwave.bench.precision.rigs import ORACLE, rig_scene, run_job
 from tautwave.bench.precision.suite import scene_table, write_files
 from tautwave.bench.result import Goal, Suite, Table, Value
 from tautwave.errors import ConfigError
@@ -32,6 +26,7 @@ from tests.lab.timing import cheapest
 from tests.lab.workprecision import plain as workprecision_plain
 from tests.lab.workprecision.contact import HERTZ, WALL, contact_scene
 from tests.lab.workprecision.linear import linear_scene
+from tests.lab.workprecision.rigs import WAVE_FOAM, WAVE_WALL
 from tests.lab.workprecision.scenes import SCENES, scene_with_peers
 from tests.lab.workprecision.tissue import (
     rate_goals,

@@ -34,8 +34,6 @@ class Register(NamedTuple):
 
 MODEL_NUMBER = Register("model number", 0, 2, eeprom=True)
 FIRMWARE = Register("firmware version", 6, 1, eeprom=True)
-DEVICE_ID = Register("id", 7, 1, eeprom=True)
-BAUD = Register("baud rate", 8, 1, eeprom=True)
 HOMING_OFFSET = Register("homing offset", 20, 4, signed=True, eeprom=True)
 RETURN_DELAY = Register("return delay time", 9, 1, eeprom=True)
 DRIVE_MODE = Register("drive mode", 10, 1, eeprom=True)

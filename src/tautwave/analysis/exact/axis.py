@@ -51,20 +51,6 @@ class PassivityMargin(NamedTuple):
     resistance_frequency: float
 
 
-class Curve(NamedTuple):
-    """Arrays of one length for Bode and Nyquist plots; `passive` is where Re K >= 0.
-
-    frequency_hz [Hz], magnitude_db [dB of N s/m or N m s/rad], phase_deg (unwrapped), real, imag.
-    """
-
-    frequency_hz: Floats
-    magnitude_db: Floats
-    phase_deg: Floats
-    real: Floats
-    imag: Floats
-    passive: npt.NDArray[np.bool_]
-
-
 def passivity_margin(k: Rational) -> PassivityMargin:
     """Return the phase margin of passivity of a rational function over the whole axis, exactly.
 
@@ -128,28 +114,6 @@ def axis_grid(k: Response, low: float, high: float, points: int = 2000) -> Float
     return np.asarray(w[(w >= low) & (w <= high)], np.float64)
 
 
-def response(k: Response, frequency_hz: Floats) -> Curve:
-    """Return the arrays of a Bode and a Nyquist plot at rising frequencies [Hz]."""
-    values = k.at(2j * math.pi * np.asarray(frequency_hz, float))
-    phase = np.degrees(np.unwrap(np.angle(values)))
-    with np.errstate(divide="ignore"):
-        decibels = 20.0 * np.log10(np.abs(values))
-    return Curve(
-        np.asarray(frequency_hz, float),
-        decibels,
-        phase,
-        values.real.copy(),
-        values.imag.copy(),
-        values.real >= 0.0,
-    )
-
-
-def curve(k: Response, low_hz: float, high_hz: float, points: int = 2000) -> Curve:
-    """Return `response` on a grid [Hz] that is fine around resonances."""
-    turn = 2.0 * math.pi
-    return response(k, axis_grid(k, turn * low_hz, turn * high_hz, points) / turn)
-
-
 # -- helpers -------------------------------------------------------------------------------------
 
 
@@ -210,7 +174,3 @@ def _sign(value: int) -> int:
 def _lag(k: Response) -> float:
     """Return the pure delay [s] in K, whose phase has no limit."""
     return float(getattr(k, "delay", 0.0)) + 2.0 * float(getattr(k, "period", 0.0))
-
-
-def _changes(sign: npt.NDArray[np.bool_]) -> list[int]:
-    return [int(i) for i in np.flatnonzero(sign[1:] != sign[:-1])]

@@ -128,10 +128,3 @@ def _newton(
         slope = turns / z + (1.0 / (z[:, None] - own[None, :])).sum(axis=1) + share
         step = 1.0 / slope
     return np.where(np.isfinite(step), step, 0.0)
-
-
-class Crossing(NamedTuple):
-    """The first number of samples whose verdict differs from the one before, and that verdict."""
-
-    samples: int
-    stable: bool

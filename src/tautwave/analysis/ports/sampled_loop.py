@@ -26,7 +26,6 @@ from tautwave.laws.velocity import track_velocity
 from tautwave.models.linear import flow_rows
 
 Matrix = npt.NDArray[np.float64]
-Step = Callable[[list[float], float], tuple[list[float], float]]
 
 
 class Device(NamedTuple):

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from tautwave.analysis.ports.two_port import Hybrid, Response
 
-Floats = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
 
 

@@ -18,7 +18,6 @@ import numpy.typing as npt
 from tautwave.bench.chunks import TOLERANCE, calibrate
 from tautwave.bench.precision.points import ROUNDS, Point, Scene
 from tautwave.config import Rig, load_rig
-from tautwave.config.shipped import find_example
 from tautwave.errors import ConfigError
 from tautwave.models.integrators.schemes import DORMAND_PRINCE, EXACT, SCHEMES
 from tautwave.rig import axis_integration
@@ -55,15 +54,6 @@ class RigScene(NamedTuple):
             for key in ("coulomb", "encoder_quantum")
         ]
         return load_rig(self.path, (*self.changes, *smooth))
-
-
-def shipped(name: str, file: str) -> RigScene:
-    """Return a rig that `tautwave example` copies, under a name."""
-    return RigScene(name, find_example(file).path)
-
-
-WAVE_WALL = shipped("wave-wall", "bench-1dof-loopback.yaml")
-WAVE_FOAM = shipped("wave-foam", "bench-foam-loopback.yaml")
 
 
 class RigRun(NamedTuple):

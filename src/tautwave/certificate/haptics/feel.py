@@ -18,7 +18,6 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tautwave.analysis.felt import slope
 from tautwave.certificate.belief import SIDES
@@ -30,8 +29,6 @@ from tautwave.rig import axis_allowance, command_delays, line_delay, pair_scale
 from tautwave.rig.hands import stated_hand
 from tautwave.rig.scales import slave_offset
 from tautwave.simulation import Simulation, simulate
-
-Floats = NDArray[np.float64]
 
 WALLS = {"rotary": 250.0, "linear": 4.4e4}
 """[N m/rad, N/m] Stiffness of the wall; the same one, at a lever arm of 75 mm."""

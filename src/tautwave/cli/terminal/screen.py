@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from tautwave.cli.terminal.show import plain_lines
-from tautwave.tables import Cell, Table
+from tautwave.tables import Table
 
 LINES, COLUMNS = 24, 80
 """Of a terminal as it opens."""
@@ -16,8 +16,6 @@ SHORT = 26
 """Letters of several names that are still written out."""
 
 _COUNTED = re.compile(r"(.*?)(\d+)")
-
-Row = Sequence[str | Cell]
 
 
 def line_count(sections: Iterable[Table]) -> int:

@@ -17,7 +17,6 @@ TOUCH = 1e-9
 """[m] By how much a proxy may be below a face that it lies on: rounding."""
 
 Vector = Any  # three floats
-Place = tuple[float, float, float]
 
 
 class Surface(NamedTuple):

@@ -9,7 +9,6 @@ from tautwave.config import Rig
 from tautwave.session.guided.control import GuidedControl
 
 ZERO, DIRECTION, RANGE, IDENTIFY = "zero", "direction", "range", "identify"
-STEPS = (ZERO, DIRECTION, RANGE, IDENTIFY)
 
 STEADY_S = 0.2
 """Over which a pose is averaged."""

@@ -17,7 +17,6 @@ from tautwave.files import write_text
 
 Axes = Mapping[str, Mapping[str, Any]]
 
-_NAME = re.compile(r"^name:.*(?:\n|\Z)", re.M)
 _LINE = re.compile(r"^calibration:.*(?:\n[ \t]+.*)*\n?", re.M)
 
 
