@@ -7,6 +7,7 @@ from typing import Any
 from tautwave.contracts import Clock, FramePort
 from tautwave.errors import DriverError
 from tautwave_drivers.can.framing import Framing
+from tautwave_drivers.can.multicast import MulticastPort
 from tautwave_drivers.can.raw import RawPort
 
 _CLASSIC = Framing()
@@ -29,6 +30,8 @@ def open_port(options: Any, clock: Clock, framing: Framing = _CLASSIC) -> FrameP
         )
     if options.interface == "socketcan" and backend != "python-can":
         return RawPort.open(options.channel, clock, framing)
+    if options.interface == "udp_multicast" and backend == "auto":
+        return MulticastPort.open(options.channel, clock, framing)
     from tautwave_drivers.can.python_can import open_python_can  # an extra
 
     return open_python_can(options, clock, framing)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from typing import NamedTuple
 
 from tautwave.truth import AxisModel
@@ -91,6 +92,10 @@ class Body(ABC):
     @abstractmethod
     def power_on(self) -> None:
         """Start: off, with what was saved, and within half a turn of the stored zero."""
+
+    def ids(self) -> Collection[int] | None:
+        """Return the identifiers of what it hears; None: not by these alone."""
+        return None
 
     @abstractmethod
     def hears(self, can_id: int) -> bool:

@@ -8,7 +8,7 @@ written from the manual and shares nothing with the driver.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from tautwave.truth import AxisModel
 from tautwave_sim.mit import registers as r
@@ -87,9 +87,13 @@ class Motor(Body):
 
     # -- frames -------------------------------------------------------------------------------
 
+    def ids(self) -> Collection[int]:
+        """Return the identifiers of what it hears."""
+        return PARAMETER_ID, self.registers.whole(r.ESC_ID)
+
     def hears(self, can_id: int) -> bool:
         """Return whether a frame may be for it."""
-        return self.present and can_id in (PARAMETER_ID, self.registers.whole(r.ESC_ID))
+        return self.present and can_id in self.ids()
 
     def commands(self, can_id: int, data: bytes) -> bool:
         """Return whether a frame that it hears is a command of its law."""

@@ -19,7 +19,8 @@ from tautwave_sim.mit.body import Body
 from tautwave_sim.mit.motor import Motor
 from tautwave_sim.mit.options import Quirks, SimulatedMitOptions
 from tautwave_sim.mit.robstride import RobstrideMotor
-from tautwave_sim.wire.can_world import CanWorld, Planned, listed, wire_of
+from tautwave_sim.wire.can_medium import MediumPort
+from tautwave_sim.wire.can_world import CanWorld, Planned, earlier, listed, wire_of
 
 
 class MotorBus(CanWorld):
@@ -51,10 +52,13 @@ class MotorBus(CanWorld):
         self.motors: list[Body] = []
         self.axes: list[SimulatedAxis] = []
         self._phases: dict[int, int] = {}
+        self._ports: list[MediumPort] = []
+        self._trip_ns: int | None = None
         known = listed(bus, "motors", {motor.id: motor for motor in options.motors})
         for spec, keys, truth in zip(bus.axes, known, truths, strict=True):
             at = len(self.motors)
             port = self.medium.port(partial(self._hear, at))
+            self._ports.append(port)
             quirks = options.simulator.motors.get(spec.device_id, Quirks())
             motor: Body = (
                 RobstrideMotor(keys, quirks, spec.name, truth, port.send)
@@ -66,12 +70,21 @@ class MotorBus(CanWorld):
             motor.free = motor.axis.in_hand
             self._befalls(at, _planned_faults(motor, quirks))
         self.arms = join_arms(self.axes, truths)
+        self._look()
 
     # -- events ---------------------------------------------------------------------------
 
     def _device_event_ns(self) -> int | None:
-        times = [self._tick_ns(), *(motor.next_event_ns() for motor in self.motors)]
-        return min((time for time in times if time is not None), default=None)
+        if self._stale:
+            self._look()
+        return earlier(self._tick_ns(), self._trip_ns)
+
+    def _look(self) -> None:
+        """Look at every motor: when a watchdog trips, and what it hears."""
+        self._stale, self._trip_ns = False, None
+        for motor, port in zip(self.motors, self._ports, strict=True):
+            self._trip_ns = earlier(self._trip_ns, motor.next_event_ns())
+            port.ids = motor.ids()
 
     def _tick_ns(self) -> int | None:
         """Return when the next slot begins if no command does it."""
@@ -86,6 +99,7 @@ class MotorBus(CanWorld):
             self._pass_to(self._slot + 1)
         for motor in self.motors:
             motor.run(at_ns)
+        self._stale = True
 
     # -- slots ----------------------------------------------------------------------------
 
@@ -101,8 +115,11 @@ class MotorBus(CanWorld):
         motor = self.motors[at]
         if not motor.hears(can_id):
             return
-        if motor.commands(can_id, data):
+        commanded = motor.commands(can_id, data)
+        if commanded:
             self._slot_of(at, now_ns)
+        # A command puts a watchdog off, which is seen when it was due; all else may bring it on.
+        self._stale = self._stale or not commanded or motor.heard_ns is None
         motor.receive(now_ns, can_id, data)
         if self._free and self._origin_ns is None and motor.on:
             self._begin(now_ns)

@@ -7,14 +7,16 @@ Sources: ISO 11898-1 (frame format, CRC-15, bit stuffing); Davis, Burns, Bril an
 
 from __future__ import annotations
 
+import functools
+
 CRC_POLYNOMIAL = 0x4599
 EXTENDED = 0x80000000
 """Marks an identifier of 29 bits, as on Linux."""
 INTERMISSION = 3
 """Bits of the pause after a frame; every length here includes them."""
 
-PLAIN = 47
-"""Bits of a classic frame without data and stuffing, intermission included."""
+PLAIN, PLAIN_EXTENDED = 47, 67
+"""Bits of a classic frame without data and stuffing, intermission included, by identifier."""
 
 ERROR_FRAME = 20 + INTERMISSION
 """Bits of an error frame, its flags superposed as far as they can be (6 to 12, and 8)."""
@@ -33,77 +35,60 @@ def _crc_table() -> tuple[int, ...]:
     return tuple(table)
 
 
-def _stuff_table() -> tuple[tuple[tuple[int, int], ...], ...]:
-    """Return, per state and byte, the next state and the stuff bits; state = 2 (run - 1) + bit."""
-    rows = []
+def _stuff_table(width: int) -> tuple[int, ...]:
+    """Return what `width` bits do to a count of stuff bits, at `state << width | bits`.
+
+    A count is 8 times the stuff bits so far, plus the state: 2 (run - 1) + the last bit.
+    """
+    steps = []
     for state in range(8):
-        row = []
-        for byte in range(256):
-            run, bit, stuffed = state // 2 + 1, state % 2, 0
-            for at in range(7, -1, -1):
-                new = byte >> at & 1
-                run, bit = (run + 1, bit) if new == bit else (1, new)
+        for bits in range(1 << width):
+            run, last, stuffed = state // 2 + 1, state % 2, 0
+            for at in range(width - 1, -1, -1):
+                new = bits >> at & 1
+                run, last = (run + 1, last) if new == last else (1, new)
                 if run == 5:  # the stuff bit is the first of the next run
-                    run, bit, stuffed = 1, 1 - bit, stuffed + 1
-            row.append((2 * (run - 1) + bit, stuffed))
-        rows.append(tuple(row))
-    return tuple(rows)
+                    run, last, stuffed = 1, 1 - last, stuffed + 1
+            steps.append(8 * stuffed + 2 * (run - 1) + last - state)
+    return tuple(steps)
 
 
 _CRC = _crc_table()
-_STUFF = _stuff_table()
+_STUFF = {width: _stuff_table(width) for width in (3, 7, 8)}
+_OF_BYTE, _OF_SEVEN = _STUFF[8], _STUFF[7]
+_START = 1
+"""Count before the start of frame, which is the first of its run."""
 
 
-def crc15(can_id: int, data: bytes) -> int:
-    """Return the CRC sequence of a classic data frame with an 11-bit identifier."""
-    crc = 0
+@functools.lru_cache(maxsize=4096)
+def _begun(can_id: int, size: int) -> tuple[int, int, int]:
+    """Return CRC and count of stuff bits ahead of the data, and the bits of a frame without any."""
+    if can_id & EXTENDED:
+        # Start of frame, 11 bits, SRR and IDE (both 1), 18 bits, RTR, r1, r0, length: 39 bits.
+        head = (can_id >> 18 & 0x7FF) << 27 | 0b11 << 25 | (can_id & 0x3FFFF) << 7 | size
+        partial, whole, plain = 7, 4, PLAIN_EXTENDED
+    else:
+        head = can_id << 7 | size  # start of frame, identifier, RTR, IDE, r0, length: 19 bits
+        partial, whole, plain = 3, 2, PLAIN
+    crc, count = 0, _START
     # Zeros before the start of frame, itself a zero, do not change a CRC that begins at zero.
-    for byte in _head(can_id, len(data)) + data:
+    for byte in head.to_bytes(whole + 1, "big"):
         crc = (crc << 8 & 0x7FFF) ^ _CRC[crc >> 7 ^ byte]
-    return crc
-
-
-def _head(can_id: int, size: int) -> bytes:
-    """Return start of frame, identifier, RTR, IDE, r0 and length: 19 bits, to the right."""
-    return (can_id << 7 | size).to_bytes(3, "big")
-
-
-def stuff_bits(can_id: int, data: bytes) -> int:
-    """Return how many bits are stuffed into this classic data frame, from start to CRC."""
-    size = len(data)
-    head = can_id << 7 | size
-    body = (head << 8 * size | int.from_bytes(data, "big")) << 15 | crc15(can_id, data)
-    # The first two of 34 + 8 size bits are the start of frame and the identifier's highest.
-    state, total = (1, 0) if can_id & 0x400 else (2, 0)
-    for byte in (body & (1 << 32 + 8 * size) - 1).to_bytes(4 + size, "big"):
-        state, stuffed = _STUFF[state][byte]
-        total += stuffed
-    return total
-
-
-def extended_bits(can_id: int, data: bytes) -> int:
-    """Return the bits of a classic data frame with a 29-bit identifier, 0 to 8 bytes."""
-    size = len(data)
-    # Start of frame, 11 bits, SRR and IDE (both 1), 18 bits, RTR, r1, r0, length: 39 bits.
-    head = (can_id >> 18 & 0x7FF) << 27 | 0b11 << 25 | (can_id & 0x3FFFF) << 7 | size
-    crc = 0
-    for byte in head.to_bytes(5, "big") + data:
-        crc = (crc << 8 & 0x7FFF) ^ _CRC[crc >> 7 ^ byte]
-    body, length = (head << 8 * size | int.from_bytes(data, "big")) << 15 | crc, 54 + 8 * size
-    run, last, stuffed = 0, -1, 0
-    for at in range(length - 1, -1, -1):
-        bit = body >> at & 1
-        run, last = (run + 1, last) if bit == last else (1, bit)
-        if run == 5:
-            run, last, stuffed = 1, 1 - last, stuffed + 1
-    return length + stuffed + 10 + INTERMISSION  # delimiters, acknowledge, end of frame
+    count += _STUFF[partial][count << partial | head >> 8 * whole]
+    for byte in (head & (1 << 8 * whole) - 1).to_bytes(whole, "big"):
+        count += _OF_BYTE[(count & 7) << 8 | byte]
+    return crc, count, plain + 8 * size
 
 
 def frame_bits(can_id: int, data: bytes) -> int:
     """Return the bits of a classic data frame, 0 to 8 bytes."""
-    if can_id & EXTENDED:
-        return extended_bits(can_id, data)
-    return PLAIN + 8 * len(data) + stuff_bits(can_id, data)
+    crc, count, bits = _begun(can_id, len(data))
+    for byte in data:
+        crc = (crc << 8 & 0x7FFF) ^ _CRC[crc >> 7 ^ byte]
+        count += _OF_BYTE[(count & 7) << 8 | byte]
+    count += _OF_BYTE[(count & 7) << 8 | crc >> 7]
+    count += _OF_SEVEN[(count & 7) << 7 | crc & 0x7F]
+    return bits + (count >> 3)
 
 
 def priority(can_id: int) -> tuple[int, bool, int]:
@@ -141,13 +126,19 @@ class CanTiming:
         self.bitrate = bitrate
         self.data_bitrate = data_bitrate
         self.fd = data_bitrate is not None
+        self._fd_ns: dict[tuple[int, bool], int] = {}
 
     def frame_ns(self, can_id: int, data: bytes, fd: bool | None = None) -> int:
         """Return how long this frame and the pause after it occupy the bus [ns]."""
         if self.data_bitrate is None or fd is False:
             return self.bits_ns(frame_bits(can_id, data))
-        nominal, fast = worst_fd_bits(len(data), bool(can_id & EXTENDED))
-        return round(1e9 * (nominal / self.bitrate + fast / self.data_bitrate))
+        kind = len(data), bool(can_id & EXTENDED)
+        known = self._fd_ns.get(kind)
+        if known is None:
+            nominal, fast = worst_fd_bits(*kind)
+            known = round(1e9 * (nominal / self.bitrate + fast / self.data_bitrate))
+            self._fd_ns[kind] = known
+        return known
 
     def bits_ns(self, bits: int) -> int:
         """Return the time of nominal bits [ns]."""

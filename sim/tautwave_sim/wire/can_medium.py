@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from tautwave_sim.wire.can import ERROR_FRAME, CanTiming, priority
 from tautwave_sim.wire.can_faults import CanFaultPlan, CanFaults
@@ -37,6 +37,11 @@ class MediumPort:
         Frames that its queue holds; unlimited if not given.
     recovers : bool
         Whether it comes back from bus-off by itself, as field devices do.
+
+    Attributes
+    ----------
+    ids : collection of int or None
+        Identifiers of the frames that its receiver is given; None: all.
     """
 
     def __init__(
@@ -47,6 +52,7 @@ class MediumPort:
         self._recovers = recovers
         self._back_ns = 0
         self.receiver = receiver
+        self.ids: Collection[int] | None = None
         self.queue: deque[Frame] = deque()
         self.errors = 0
         self.off = False
@@ -132,6 +138,7 @@ class CanMedium:
         self._held = False
         self._later: list[tuple[int, int, MediumPort, Frame]] = []
         self._count = 0
+        self._shortest_ns = timing.frame_ns(0, b"")
 
     def port(
         self, receiver: Receiver, depth: int | None = None, *, recovers: bool = True
@@ -143,12 +150,22 @@ class CanMedium:
 
     def next_event_ns(self) -> int | None:
         """Return when a frame is over, or a delayed one arrives; None while all is quiet."""
-        times = [] if self._sender is None else [self._end_ns]
-        if self._free_ns > self.now_ns:
-            times.append(self._free_ns)
-        if self._later:
-            times.append(self._later[0][0])
-        return min(times, default=None)
+        at_ns = None if self._sender is None else self._end_ns
+        if self._free_ns > self.now_ns and (at_ns is None or self._free_ns < at_ns):
+            at_ns = self._free_ns
+        if self._later and (at_ns is None or self._later[0][0] < at_ns):
+            at_ns = self._later[0][0]
+        return at_ns
+
+    def next_heard_ns(self, port: MediumPort) -> int | None:
+        """Return a time before which `port` hears nothing, though no frame of its own is over.
+
+        An answer to a frame of its own begins behind that, and takes at least the shortest time.
+        """
+        at_ns = self.next_event_ns()
+        if at_ns is None or self._sender is not port or at_ns != self._end_ns:
+            return at_ns
+        return at_ns + self._shortest_ns
 
     def advance(self, to_ns: int) -> None:
         """Let all frames pass that are over by `to_ns`."""
@@ -180,9 +197,13 @@ class CanMedium:
             for port in self.ports:
                 port.queue.clear()
             return
-        waiting = [port for port in self.ports if port.queue and port.present(self.now_ns)]
-        if waiting:
-            best = min(waiting, key=lambda port: priority(port.queue[0][0]))
+        best, first = None, (0, False, 0)
+        for port in self.ports:
+            if port.queue and (not port.off or port.present(self.now_ns)):
+                order = priority(port.queue[0][0])
+                if best is None or order < first:
+                    best, first = port, order
+        if best is not None:
             self._sender = best
             self._frame = best.queue[0]
             self._end_ns = self.now_ns + self.timing.frame_ns(*self._frame)
@@ -218,5 +239,7 @@ class CanMedium:
             return
         can_id, data, self.fd = frame
         for port in self.ports:
-            if port is not sender and port.present(self.now_ns):
+            if port is sender or (port.ids is not None and can_id not in port.ids):
+                continue
+            if not port.off or port.present(self.now_ns):
                 port.receiver(self.now_ns, can_id, data)

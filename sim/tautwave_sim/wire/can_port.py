@@ -7,7 +7,7 @@ from typing import Any
 
 from tautwave.contracts import Clock
 from tautwave.errors import DriverError
-from tautwave_sim.wire.can import EXTENDED
+from tautwave.multicast import ERROR, EXTENDED, REMOTE
 from tautwave_sim.wire.can_medium import Frame
 from tautwave_sim.wire.can_world import CanWorld
 
@@ -194,13 +194,23 @@ def message_of(can_id: int, data: bytes, fd: bool) -> Any:
     )
 
 
+def linux_frame(message: Any) -> Frame:
+    """Return a frame of python-can, its identifier with Linux's bits."""
+    can_id = message.arbitration_id
+    for marked, bit in (
+        (message.is_extended_id, EXTENDED),
+        (message.is_remote_frame, REMOTE),
+        (message.is_error_frame, ERROR),
+    ):
+        if marked:
+            can_id |= bit
+    return can_id, bytes(message.data), bool(message.is_fd)
+
+
 def frame_of(message: Any, world: CanWorld) -> Frame | None:
     """Return a frame of python-can for a bus, None if it is not a data frame of its kind."""
-    can_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
-    if message.is_remote_frame or message.is_error_frame:
+    can_id, data, fd = linux_frame(message)
+    others = REMOTE | ERROR | (0 if world.extended else EXTENDED)
+    if can_id & others or (fd and not world.medium.timing.fd):
         return None
-    if (message.is_extended_id and not world.extended) or (
-        message.is_fd and not world.medium.timing.fd
-    ):
-        return None
-    return can_id, bytes(message.data), bool(message.is_fd)
+    return can_id, data, fd

@@ -87,10 +87,17 @@ class CanWorld(ABC):
 
     def next_event_ns(self) -> int | None:
         """Return when something happens next by itself."""
-        times = [self.medium.next_event_ns(), self._device_event_ns()]
+        return earlier(self.medium.next_event_ns(), self._own_event_ns())
+
+    def next_heard_ns(self, port: MediumPort) -> int | None:
+        """Return a time before which `port` hears nothing."""
+        return earlier(self.medium.next_heard_ns(port), self._own_event_ns())
+
+    def _own_event_ns(self) -> int | None:
+        at_ns = self._device_event_ns()
         if self._due and self._origin_ns is not None:
-            times.append(self._origin_ns + self._due[0][0])
-        return min((time for time in times if time is not None), default=None)
+            at_ns = earlier(at_ns, self._origin_ns + self._due[0][0])
+        return at_ns
 
     def advance(self, to_ns: int) -> None:
         """Process all events up to `to_ns` [ns], in order."""
@@ -113,6 +120,13 @@ class CanWorld(ABC):
             _, _, action = self._due.pop(0)
             action(at_ns)
         self._run(at_ns)
+
+
+def earlier(one: int | None, other: int | None) -> int | None:
+    """Return the earlier of two times [ns], of which None is never."""
+    if one is None or (other is not None and other < one):
+        return other
+    return one
 
 
 class _SimulatorKeys(Protocol):

@@ -49,8 +49,10 @@ def _pin(cpu: int | None) -> str:
 
 
 @contextmanager
-def quiet_collector() -> Iterator[None]:
+def quiet_collector(*, off: bool = True) -> Iterator[None]:
     """Collect once, freeze live objects, and keep the collector off inside the block.
+
+    Not `off`, for what runs for days, it goes on with new objects alone.
 
     In a program that froze its objects itself nothing more is frozen, and its objects stay frozen:
     there is a single heap of frozen objects, and thawing it thaws all of them.
@@ -60,7 +62,8 @@ def quiet_collector() -> Iterator[None]:
     gc.collect()
     if not frozen:
         gc.freeze()
-    gc.disable()
+    if off:
+        gc.disable()
     try:
         yield
     finally:

@@ -22,7 +22,7 @@ from tautwave.contracts import Bench
 from tautwave.errors import ConfigError, DriverError, TautwaveError
 from tautwave.registry import load_simulator, require_modules
 from tautwave.rig import axis_model
-from tautwave.runtime.machine import realtime
+from tautwave.runtime.machine import quiet_collector, realtime
 
 START_TIMEOUT_S = 20.0
 PR_SET_PDEATHSIG = 1
@@ -87,7 +87,10 @@ def serve(
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        with realtime(max(0, loop_priority - 1), None, lock_memory=False):
+        with (
+            quiet_collector(off=False),
+            realtime(max(0, loop_priority - 1), None, lock_memory=False),
+        ):
             simulator.serve(*bench, announce, stopped)
     finally:
         for number, handler in before.items():

@@ -24,7 +24,7 @@ from tautwave_sim.canopen import simulator
 from tautwave_sim.canopen.bench import CanopenBench, bench
 from tautwave_sim.canopen.options import SimulatedCanopenOptions
 from tautwave_sim.canopen.world import DriveBus
-from tautwave_sim.wire.can_served import Gateway
+from tautwave_sim.wire.can_served import Gateway, PythonCan
 from tests.sim.truths import truth
 
 can = pytest.importorskip("can")
@@ -101,13 +101,16 @@ class Echoing:
     def recv(self, timeout: float) -> Any:
         return self.frames.pop(0) if self.frames else None
 
+    def fileno(self) -> int:
+        return -1
+
 
 def test_own_frames_that_come_back_are_not_on_the_wire_again() -> None:
     world = DriveBus(options(), spec(1), [truth()], 0)
     seen: list[int] = []
     world.medium.listeners.append(lambda _, can_id, __: seen.append(can_id))
     interface = Echoing()
-    gateway = Gateway(world, interface)
+    gateway = Gateway(world, PythonCan(interface, FakeClock()))
     interface.send(frame(0x601, "4000100000000000"))
     for now_us in range(0, 3000, 100):
         gateway.run(now_us * 1000)
