@@ -38,7 +38,9 @@ from tests import compiling, workers
 from tests.examples import FEW
 
 # `.ci/run` sets it: it has installed every library, so a test that misses one is a hole in the net.
+# `.ci/peers` sets the second, to the clients of others that it could install.
 LIBRARIES_REQUIRED = os.environ.get("TAUTWAVE_LIBRARIES") == "required"
+PEERS = os.environ.get("TAUTWAVE_PEERS", "").split()
 
 # The same cases each time, so that a red run is about the change and not about luck; the machine's
 # speed is nobody's business. `pytest --hypothesis-profile=more` tries twice as many of them, also
@@ -148,6 +150,8 @@ def forbid_skip(report: Report, about_vcan: bool) -> Report:
         required = "TAUTWAVE_VCAN"
     elif LIBRARIES_REQUIRED and "could not import" in reason:
         required = "TAUTWAVE_LIBRARIES"
+    elif any(peer in reason for peer in PEERS):
+        required = "TAUTWAVE_PEERS"
     if required:
         report.outcome = "failed"
         report.longrepr = f"{required}=required, but: {reason}"

@@ -63,7 +63,9 @@ class MulticastPort:
         try:
             group = Group(channel)
         except ImportError as err:
-            raise DriverError(f"{where} needs msgpack: pip install 'python-can[multicast]'") from err
+            raise DriverError(
+                f"{where} needs msgpack: pip install 'python-can[multicast]'"
+            ) from err
         except OSError as err:
             raise DriverError(f"cannot open {where} ({err}); {REMEDY}") from err
         return cls(group, clock, where, framing)

@@ -25,6 +25,7 @@ from tests.sim.feetech.lerobot_bus import GOALS
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 ROOT = Path(__file__).parents[3]
+VASSAR = "comes with the extra `peers`: vassar-feetech-servo-sdk"
 COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main()", "sim", "feetech"]
 
 
@@ -82,7 +83,7 @@ def test_rustypot_reads_and_moves_them() -> None:
 
 
 def test_the_makers_sdk_and_vassars_client_drive_a_torque() -> None:
-    vassar = pytest.importorskip("vassar_feetech_servo_sdk", reason="comes with the extra `peers`")
+    vassar = pytest.importorskip("vassar_feetech_servo_sdk", reason=VASSAR)
     with served("--model", "HLS3625", "--ids", "1,2") as device:
         client = vassar.ServoController([1, 2], servo_type="hls", port=device)
         client.connect()
@@ -112,7 +113,7 @@ def test_lerobots_bus_shakes_hands_configures_and_moves_them() -> None:
 
 
 def test_the_makers_sdk_reads_firmware_and_sync_reads() -> None:
-    pytest.importorskip("vassar_feetech_servo_sdk", reason="comes with the extra `peers`")
+    pytest.importorskip("vassar_feetech_servo_sdk", reason=VASSAR)
     import scservo_sdk as scs
 
     with served("--model", "STS3215", "--ids", "1,2,3") as device:

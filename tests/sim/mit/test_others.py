@@ -18,18 +18,16 @@ import pytest
 from tautwave.multicast import only_its_group
 from tests.sim.mit.lerobot_bus import GOALS, NEAR
 
-BIN = Path(sys.executable).parent
+COMMAND = [sys.executable, "-c", "from tautwave.cli import main; main()"]
 CHANNEL, OTHER, THIRD = "239.74.163.83", "239.74.163.84", "239.74.163.85"
 ROOT = Path(__file__).parents[3]
-PEERS = "comes with the extra `peers`"
+PEERS = "comes with the extra `peers`: {}".format
 
 
 @contextmanager
 def served(channel: str, *more: str) -> Iterator[str]:
     words = ["sim", "mit", "--ids", "1,2", "--interface", "udp_multicast", "--channel", channel]
-    process = subprocess.Popen(
-        [str(BIN / "tautwave"), *words, *more], stdout=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen([*COMMAND, *words, *more], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
         assert json.loads(process.stdout.readline())["motors"] == [1, 2]
@@ -53,7 +51,7 @@ def until(done: Callable[[], bool], act: Callable[[], None], limit_s: float = 30
 @pytest.mark.realtime
 @pytest.mark.filterwarnings("ignore:The 'bustype' argument:DeprecationWarning")
 def test_damiao_motor_reads_sets_moves_loses_and_clears_a_motor() -> None:
-    damiao_motor = pytest.importorskip("damiao_motor", reason=PEERS)
+    damiao_motor = pytest.importorskip("damiao_motor", reason=PEERS("damiao-motor"))
     with served(CHANNEL) as channel:
         controller = damiao_motor.DaMiaoController(channel=channel, bustype="udp_multicast")
         only_its_group(controller.bus)
@@ -125,7 +123,7 @@ class OwnUnheard:
 @pytest.mark.realtime
 def test_robstride_reads_sets_enables_and_renames_a_motor() -> None:
     """Version 0.1.0 takes one bit of the two of a motor's mode, so "run" reads as "reset" there."""
-    robstride = pytest.importorskip("robstride", reason=PEERS)
+    robstride = pytest.importorskip("robstride", reason=PEERS("robstride"))
     can = pytest.importorskip("can")
     ranges = ("--p-max", "12.566370614", "--v-max", "44", "--t-max", "17")  # an RS01
     with (
