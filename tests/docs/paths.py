@@ -1,12 +1,14 @@
 """The first hour of four people, walked by their pages and counted: `python -m tests.docs.paths`.
 
 Prints a line for each: words of their pages and minutes of reading, commands typed, lines of code
-or rig saved, lines printed, seconds waited. Names of paths after it walk only these.
+or rig saved, lines printed, seconds waited, and of processor time. Names of paths after it walk
+only these. What was counted before the pages were rewritten: `tests/lab/notes/first-hours.md`.
 """
 
 from __future__ import annotations
 
 import re
+import resource
 import sys
 import tempfile
 import time
@@ -39,21 +41,29 @@ class Walk(NamedTuple):
     saved: int
     printed: int
     waited_s: float
+    cpu_s: float
 
 
 class _Followed(Page):
     """A page whose commands are counted, and run as a person's: in a shell, with their figures."""
 
     timeout_s = 1000.0
-    count, lines, waited_s = 0, 0, 0.0
+    count, lines, waited_s, cpu_s = 0, 0, 0.0, 0.0
 
     def _command(self, words: str) -> tuple[int, str]:
-        begun = time.monotonic()
+        begun, spent = time.monotonic(), children_s()
         code, printed = self._shell(words)
         self.waited_s += time.monotonic() - begun
+        self.cpu_s += children_s() - spent
         self.count += 1
         self.lines += len(printed.splitlines())
         return code, printed
+
+
+def children_s() -> float:
+    """Return the processor time of children that ended [s]: the waiting on an idle machine."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def steps(page: Path) -> list[Block]:
@@ -82,7 +92,7 @@ def walk(name: str, folder: Path) -> Walk:
         A page is wrong: its line, and what was printed.
     """
     words = commands = saved = printed = 0
-    waited_s = 0.0
+    waited_s = cpu_s = 0.0
     with pytest.MonkeyPatch.context() as patch:
         for one in PATHS[name]:
             path = ROOT / "docs" / one
@@ -92,10 +102,11 @@ def walk(name: str, folder: Path) -> Walk:
             words += len(prose(path.read_text(encoding="utf-8")).split())
             try:
                 if one == "add-a-driver.md":
-                    begun = time.monotonic()
+                    begun, spent = time.monotonic(), children_s()
                     tried = follow(path, own)
                     assert tried.returncode == 0, tried.stdout
                     page.waited_s = time.monotonic() - begun
+                    page.cpu_s = children_s() - spent
                     page.count, page.lines = 1, len(tried.stdout.splitlines())
                     saved += sum(1 + b.text.count("\n") for b in blocks(path) if b.kind == "python")
                 else:
@@ -106,7 +117,8 @@ def walk(name: str, folder: Path) -> Walk:
                 page.close()
             commands, printed = commands + page.count, printed + page.lines
             waited_s += page.waited_s
-    return Walk(words, commands, saved, printed, waited_s)
+            cpu_s += page.cpu_s
+    return Walk(words, commands, saved, printed, waited_s, cpu_s)
 
 
 def main(*names: str) -> None:
@@ -117,7 +129,7 @@ def main(*names: str) -> None:
             done = walk(name, Path(folder))
         rows.append(
             (name, f"{done.words}", f"{done.words / WORDS_A_MINUTE:.0f}", f"{done.commands}",
-             f"{done.saved}", f"{done.printed}", f"{done.waited_s:.0f}")
+             f"{done.saved}", f"{done.printed}", f"{done.waited_s:.0f}", f"{done.cpu_s:.0f}")
         )  # fmt: skip
     heads = (
         "path",
@@ -127,6 +139,7 @@ def main(*names: str) -> None:
         "lines saved",
         "lines printed",
         "s waited",
+        "s of CPU",
     )
     print(plain_text([Table("The first hour", of_numbers(*heads), rows)]))
 

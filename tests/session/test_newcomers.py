@@ -143,7 +143,8 @@ def judged(me: Newcomer) -> None:
 def page_commands() -> list[list[str]]:
     """Return the commands of the tutorial, in its order."""
     lines = TUTORIAL.read_text(encoding="utf-8").splitlines()
-    return [shlex.split(line)[1:] for line in lines if line.startswith("    tautwave ")]
+    typed = (line.removeprefix("$ ").strip() for line in lines if re.match(r"(?:    |\$ )", line))
+    return [shlex.split(line)[1:] for line in typed if line.startswith("tautwave ")]
 
 
 def two_arms(folder: Path, joints: int, model: str, friction: str = "") -> Newcomer:
