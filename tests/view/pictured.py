@@ -1,14 +1,21 @@
-"""Pictures of the page of a run, for docs/howto/watch-a-run.md and for a person to look at.
+"""Pictures of the page of a run, for README and docs, and for a person to look at.
 
-`python -m tests.view.pictured DIR [NAME ...]`: the two of the docs (`bench`), and a
+`python -m tests.view.pictured DIR [NAME ...]`: the two of docs/howto/watch-a-run.md (`bench`),
+README's moving picture (`arms`: leader and follower on the page of their run), and a
 picture of each scene that is played with the pointer, with how far its hand was led.
 """
 
 from __future__ import annotations
 
+import io
+import signal
 import sys
 import time
+from base64 import b64decode
+from itertools import pairwise
 from pathlib import Path
+
+from PIL import Image
 
 from tests.view.alone import CALM, click, fire, press, start, state
 from tests.view.browser import Browser
@@ -18,6 +25,9 @@ PLAYED = ("scene-string", "scene-granular")
 UNHURRIED = ("rate_hz=4000", "loop.overrun_limit=5000", "loop.missing_limit=5000")
 READY = "window.tautwave?.store?.end > 10"
 DRAGGED_PX = 60.0
+FILMED_S, FRAME_S, COLOURS = 12.0, 0.25, 24
+WIDTH, HEIGHT = 900, 470
+"""Of the page while it is filmed [px]."""
 
 
 def bench(browser: Browser, directory: Path) -> None:
@@ -48,6 +58,48 @@ def bench(browser: Browser, directory: Path) -> None:
     browser.shot(directory / "watch-a-run-trigger.png")
     run.kill()
     run.wait(30)
+
+
+def arms(browser: Browser, directory: Path) -> None:
+    """Film two arms on the page of their run, which stands still while a picture is taken.
+
+    On the fake clock it does not notice. Leaves `arms-live.gif`.
+    """
+    rig, out = BENCH.parent / "arms/koch.yaml", directory / "arms"
+    run, url = start(out, (), "--clock", "fake", "--duration", f"{FILMED_S + 1:g}", rig=rig)
+
+    def go_on() -> None:
+        run.send_signal(signal.SIGCONT)
+        time.sleep(0.02)
+        run.send_signal(signal.SIGSTOP)
+        time.sleep(0.1)  # for the page to have its rows
+
+    while not (out / "live.json").exists():
+        time.sleep(0.01)
+    run.send_signal(signal.SIGSTOP)
+    browser.look(WIDTH, HEIGHT, dark=False)
+    browser.open(url)
+    while not browser.run(READY):
+        go_on()
+    browser.wait("document.querySelector('#figures svg')")
+    browser.run("scrollTo(0, 0)")
+    frames: list[tuple[float, Image.Image]] = []
+    while not frames or frames[-1][0] < FILMED_S:
+        at = float(browser.run("tautwave.store.newest('time_s')"))
+        if frames and at < frames[-1][0] + FRAME_S:
+            go_on()
+            continue
+        png = b64decode(browser.call("Page.captureScreenshot")["data"])
+        picture = Image.open(io.BytesIO(png)).convert("RGB")
+        frames.append((at, picture.quantize(COLOURS, dither=Image.Dither.NONE)))
+    run.kill()
+    run.wait(30)
+    first, *others = (picture for _, picture in frames)
+    lasts = [int(1e3 * (end - at)) for (at, _), (end, _) in pairwise(frames)]
+    first.save(
+        directory / "arms-live.gif", save_all=True, append_images=others,
+        duration=[*lasts, 1500], loop=0, optimize=True,
+    )  # fmt: skip
 
 
 def played(browser: Browser, name: str, directory: Path) -> str:
@@ -86,6 +138,8 @@ def main(directory: Path, *wanted: str) -> None:
     with Browser() as browser:
         if not wanted or "bench" in wanted:
             bench(browser, directory)
+        if not wanted or "arms" in wanted:
+            arms(browser, directory)
         for name in PLAYED:
             if not wanted or name in wanted:
                 print(played(browser, name, directory), flush=True)
