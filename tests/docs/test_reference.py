@@ -13,9 +13,10 @@ import click
 import pytest
 
 import tautwave
-from tautwave import errors, registry
+from tautwave import cli, errors, registry
 from tautwave.columns import names
 from tautwave.config import Rig, load_rig, rig_schema
+from tautwave.config.shipped import examples
 from tautwave.link.columns import ALIGNED, LINK_COLUMNS
 from tautwave.rig import build_rig
 from tautwave.session.operating import with_operation
@@ -105,10 +106,32 @@ def _options(words: list[str]) -> tuple[set[str], list[str]]:
     return known, words[at:]
 
 
+def pages_of_now() -> list[Path]:
+    """Pages but for the one of former names."""
+    return [page for page in pages() if page.name != "renamed.md"]
+
+
+def test_every_command_and_example_that_a_page_names_exists() -> None:
+    """In backticks, in blocks and on lines of their own."""
+    commands = set(cli.main.list_commands(click.Context(cli.main)))
+    known = {example.name for example in examples()}
+    seen = 0
+    for page in pages_of_now():
+        text = page.read_text(encoding="utf-8")
+        for word, name in re.findall(
+            r"(?:`|^\$ |^    )tautwave ([a-z][\w-]*)(?:[ \n]([\w./-]+))?", text, flags=re.M
+        ):
+            assert word in commands, f"{page.name}: tautwave {word}"
+            if word == "example" and name not in {"", "NAME"}:
+                assert name in known, f"{page.name}: tautwave example {name}"
+            seen += 1
+    assert seen > 200
+
+
 def test_every_option_that_a_page_names_exists() -> None:
     """Also within a line, where no test runs the command."""
     seen = 0
-    for page in pages():
+    for page in pages_of_now():
         text = page.read_text(encoding="utf-8")
         for found in re.findall(r"(?<![\w./-])tautwave [a-z][^`\n]*", text):
             plain = re.sub(r"'[^']*'|\"[^\"]*\"", "_", found)

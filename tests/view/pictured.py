@@ -25,8 +25,8 @@ PLAYED = ("scene-string", "scene-granular")
 UNHURRIED = ("rate_hz=4000", "loop.overrun_limit=5000", "loop.missing_limit=5000")
 READY = "window.tautwave?.store?.end > 10"
 DRAGGED_PX = 60.0
-FILMED_S, FRAME_S, COLOURS = 12.0, 0.25, 24
-WIDTH, HEIGHT = 900, 470
+FILMED_S, FRAME_S, COLOURS = 5.8, 0.15, 24
+WIDTH, HEIGHT = 960, 440
 """Of the page while it is filmed [px]."""
 
 
@@ -66,7 +66,7 @@ def arms(browser: Browser, directory: Path) -> None:
     On the fake clock it does not notice. Leaves `arms-live.gif`.
     """
     rig, out = BENCH.parent / "arms/koch.yaml", directory / "arms"
-    run, url = start(out, (), "--clock", "fake", "--duration", f"{FILMED_S + 1:g}", rig=rig)
+    run, url = start(out, (), "--clock", "fake", "--duration", f"{FILMED_S + 0.2:g}", rig=rig)
 
     def go_on() -> None:
         run.send_signal(signal.SIGCONT)
