@@ -4,8 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tautwave.report.precision.messages import share
-from tautwave.report.units import MISSING, THIN, count, microseconds, quantity, scale_for, within
+from tautwave.report.units import (
+    MISSING,
+    THIN,
+    count,
+    microseconds,
+    quantity,
+    scale_for,
+    share,
+    within,
+)
 
 
 @pytest.mark.parametrize(

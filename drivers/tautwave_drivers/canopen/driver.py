@@ -30,7 +30,7 @@ from tautwave_drivers.canopen.setup.startup import StartUp
 from tautwave_drivers.recorded import ANSWER, MOTOR_EFFORT, read_by
 
 if TYPE_CHECKING:
-    from tautwave_drivers.canopen.bus.network import PolledNetwork
+    from tautwave_drivers.canopen.network import PolledNetwork
 
 ANSWERED = read_by(ANSWER, lambda of: of[0].answered_us(of[1]))
 EFFORT = read_by(MOTOR_EFFORT, lambda axis: axis.motor_effort if axis.fresh else math.nan)

@@ -72,7 +72,7 @@ def scan(options: ScanOptions, progress: ScanProgress = no_progress) -> Sequence
 
 def look(port: FramePort, clock: Clock, options: ScanOptions) -> Sequence[Mapping[str, Any]]:
     """Read the device type of every id, listen, then read the objects of those found."""
-    from tautwave_drivers.canopen.bus.network import PolledNetwork
+    from tautwave_drivers.canopen.network import PolledNetwork
 
     answered: Counter[int] = Counter()
     states: dict[int, int] = {}
@@ -112,7 +112,7 @@ def _row(
     row: dict[str, Any] = {"node": node, "nmt": state_text(state)}
     if not answers:
         return {**row, "device": "present, but no SDO response"}
-    from tautwave_drivers.canopen.bus.network import EndlessError
+    from tautwave_drivers.canopen.network import EndlessError
 
     drive = net.remote(node, f"node {node}")
     endless: list[Entry] = []

@@ -119,3 +119,12 @@ def plural(amount: int, noun: str) -> str:
 def axis_units(kind: str) -> tuple[str, str]:
     """Units of position and effort of a `rotary` or `linear` axis."""
     return ("rad", "N m") if kind == "rotary" else ("m", "N")
+
+
+def share(value: float | None, whole: float | None) -> str:
+    """Return a fraction of a total as text, as in `2.1 × 10⁻¹⁴`."""
+    if value is None or whole is None:
+        return MISSING
+    if whole == 0.0:
+        return "of zero" if value else "both zero"
+    return ratio(value / whole)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from tautwave.report.precision.messages import share
 from tautwave.report.run.rundir import block
-from tautwave.report.units import number, quantity
+from tautwave.report.units import number, quantity, share
 from tautwave.tables import Table, of_numbers
 
 _HEAD = of_numbers(

@@ -10,7 +10,7 @@ import canopen
 import pytest
 
 from tautwave.errors import BusTimeout, DeviceFault
-from tautwave_drivers.canopen.bus.network import PolledNetwork
+from tautwave_drivers.canopen.network import PolledNetwork
 from tautwave_drivers.cia402 import objects as o
 from tautwave_drivers.cia402.aborts import ABORT_CODES, NOT_NOW
 from tautwave_sim.canopen.dictionary import NOT_STORED, WRONG_STATE, SdoAbort

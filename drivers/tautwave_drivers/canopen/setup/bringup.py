@@ -13,7 +13,6 @@ from tautwave.device_settings import Lasts
 from tautwave.errors import BusTimeout, ConfigError, DeviceFault, DriverError
 from tautwave_drivers.can.full_queue import queue_remedy
 from tautwave_drivers.canopen.axis import Axis, ResponseTime
-from tautwave_drivers.canopen.bus.network import PolledNetwork, RemoteDrive
 from tautwave_drivers.canopen.files.belonging import (
     IDENTITY,
     check_files,
@@ -30,6 +29,7 @@ from tautwave_drivers.canopen.health import (
     state_text,
 )
 from tautwave_drivers.canopen.mapping import RPDO_1, RPDO_2, TPDO_1, Layout, mappings_of
+from tautwave_drivers.canopen.network import PolledNetwork, RemoteDrive
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.setup.meaning import ZEROED, check_meaning
 from tautwave_drivers.canopen.setup.pdo import map_pdo, silence_others

@@ -28,7 +28,7 @@ from tautwave_drivers.cia402.si_units import (
 from tautwave_drivers.cia402.units import MAXON, MICRO, MILLI
 
 if TYPE_CHECKING:
-    from tautwave_drivers.canopen.bus.network import RemoteDrive
+    from tautwave_drivers.canopen.network import RemoteDrive
 
 RATIO_TOLERANCE = 1e-4
 """Whole numbers hold the product of counts and gear only to some 1e-5."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 from tautwave.errors import DeviceFault
-from tautwave_drivers.canopen.bus.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.mapping import Layout, as_held
+from tautwave_drivers.canopen.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.setup.settings import require
 from tautwave_drivers.cia402.communication import (
     COB_ID_INVALID,

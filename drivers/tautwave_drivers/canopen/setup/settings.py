@@ -10,7 +10,7 @@ from tautwave.contracts import BusSpec
 from tautwave.device_settings import DeviceSetting, Lasts, Settled
 from tautwave.errors import BusTimeout, DeviceFault
 from tautwave_drivers.canopen.axis import Axis
-from tautwave_drivers.canopen.bus.network import AbortError, RemoteDrive
+from tautwave_drivers.canopen.network import AbortError, RemoteDrive
 from tautwave_drivers.canopen.options import CanopenOptions
 from tautwave_drivers.canopen.setup.meaning import wanted_torque
 from tautwave_drivers.cia402 import communication as c

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from tautwave.config.keys.control import SCENE
-from tautwave.report.precision.messages import share
 from tautwave.report.run.page_hooks import page_hooks
 from tautwave.report.run.rundir import Run, axis_kind, block
-from tautwave.report.units import axis_units, number, quantity
+from tautwave.report.units import axis_units, number, quantity, share
 from tautwave.summary import Summary
 from tautwave.tables import Table, of_numbers
 
