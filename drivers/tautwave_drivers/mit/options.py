@@ -105,16 +105,12 @@ class Scale(NamedTuple):
         """Return the torque on the axis [N m]."""
         return self.direction * (code - 0.5 * damiao.TOP) * self.torque
 
-    def torque_code(self, effort: float, limit: float, upper: bool) -> int:
-        """Return the code of an effort [N m] of at most `limit`.
+    def coder(self, limit: float) -> Callable[[float, bool], int]:
+        """Return what makes the code of an effort [N m] of at most `limit`, quick in every cycle.
 
         No code is zero: multiples of a step lie between two codes. Of these it is the `upper` one
         or the lower one, so that who alternates has the multiple as the mean.
         """
-        return self.coder(limit)(effort, upper)
-
-    def coder(self, limit: float) -> Callable[[float, bool], int]:
-        """Return `torque_code` for one limit, as a function that is quick in every cycle."""
         direction, step, push, top = self.direction, self.torque, self.push, damiao.TOP
         middle = 0.5 * top
 

@@ -37,7 +37,7 @@ def test_at_rest_two_frames_push_as_commanded_whatever_the_velocity_code_says(
     effort = steps * scale.torque
     pushes = []
     for upper in (True, False):
-        code = scale.torque_code(effort, 10.0, upper)
+        code = scale.coder(10.0)(effort, upper)
         v, kp, kd, t = decoded(damiao.command(code, scale.damping_code))
         assert kp == 0.0
         assert kd == pytest.approx(damping, abs=0.51 * 5.0 / 4095)

@@ -32,7 +32,7 @@ def test_timeout_of_100_ms_as_damiao_motor_writes_it() -> None:
 
 
 def test_torque_of_3_newton_metres_is_the_rounded_code() -> None:
-    assert scale().torque_code(3.0, 10.0, True) in (0xA65, 0xA66)  # truncated, rounded
+    assert scale().coder(10.0)(3.0, True) in (0xA65, 0xA66)  # truncated, rounded
 
 
 def test_a_command_is_enabled_feedback_of_its_nibble_only() -> None:
@@ -60,7 +60,7 @@ def test_what_is_about_a_register_is_never_feedback(text: str) -> None:
 @given(st.floats(-1.0, 1.0), st.booleans(), st.sampled_from([1, -1]))
 def test_a_code_is_off_by_at_most_its_step(effort: float, upper: bool, direction: int) -> None:
     one = scale(direction=direction)
-    found = one.torque_of(one.torque_code(effort, 1.0, upper))
+    found = one.torque_of(one.coder(1.0)(effort, upper))
     assert abs(found - effort) <= 0.7501 * one.torque
 
 
@@ -68,7 +68,7 @@ def test_a_code_is_off_by_at_most_its_step(effort: float, upper: bool, direction
 def test_what_alternates_has_the_commanded_step_as_its_mean(steps: int, direction: int) -> None:
     one = scale(direction=direction)
     effort = steps * one.torque
-    pair = [one.torque_of(one.torque_code(effort, 10.0, upper)) for upper in (True, False)]
+    pair = [one.torque_of(one.coder(10.0)(effort, upper)) for upper in (True, False)]
     assert math.isclose(sum(pair) / 2.0, effort, abs_tol=1e-12)
     assert abs(pair[0] - pair[1]) == pytest.approx(one.torque)
 
@@ -76,7 +76,7 @@ def test_what_alternates_has_the_commanded_step_as_its_mean(steps: int, directio
 @pytest.mark.parametrize("wild", [math.nan, math.inf, -math.inf, 1e300, -50.0])
 def test_no_wild_number_reaches_a_motor(wild: float) -> None:
     one = scale()
-    found = one.torque_of(one.torque_code(wild, 2.0, True))
+    found = one.torque_of(one.coder(2.0)(wild, True))
     assert abs(found) <= 2.0 + one.torque
     if math.isnan(wild):
         assert abs(found) <= one.torque
