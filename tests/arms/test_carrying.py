@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -150,6 +151,17 @@ def test_a_weightless_load_books_nothing_however_late_efforts_act(late: float) -
     side.fill(row, 0)
     booked = dict(zip(side.columns, row, strict=True))
     assert booked["load.slave.a.effort"] == booked["load.slave.a.energy"] == 0.0
+
+
+def test_each_number_of_a_load_is_in_its_own_column_and_no_other_is_written() -> None:
+    _, side = carry([0.1, 0.3, 0.2], LoadParams(-3.0, 2.0, 1.0))
+    row = [math.nan] * (len(side.columns) + 4)
+    side.fill(row, 2)
+    assert [math.isnan(one) for one in row] == [True] * 2 + [False] * len(side.columns) + [True] * 2
+    books = dict(zip(side.columns, row[2:], strict=False))
+    energy, potential = books["load.slave.a.energy"], books["load.slave.potential"]
+    assert books["load.slave.leak"] == energy + potential == side.leak
+    assert len({energy, potential, side.leak}) == 3
 
 
 def test_what_moves_while_the_devices_are_reset_is_in_no_book() -> None:

@@ -65,3 +65,22 @@ def test_what_motors_gave_is_not_excused(
     assert pair["sensing_gap"] == (None if gap is None else pytest.approx(gap))
     assert "without it" not in page
     assert "lever: of" not in page
+
+
+@pytest.mark.parametrize(("rig_of_slave", "same"), [("one", True), ("other", False)])
+def test_halves_of_two_rigs_are_said_to_be_so(
+    tmp_path: Path, rig_of_slave: str, same: bool
+) -> None:
+    runs = []
+    for side, shared in (("master", "one"), ("slave", rig_of_slave)):
+        run = site(side, 0.03, 0.03)
+        stated: Any = {
+            "pairs": {"lever": {"power_ratio": 1.0}},
+            "link": {"site": side, "shared": shared},
+        }
+        run.result = summary_of(stated)[0]
+        runs.append(run)
+    books = joined_summary(runs[0], runs[1])
+    assert books["same_rig"] is same
+    page = " ".join(joined_page(runs[0], runs[1], books, tmp_path).split())
+    assert ("Keys that must match on both sites differ in the summaries." in page) is not same
