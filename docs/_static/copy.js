@@ -7,6 +7,10 @@ document.addEventListener("DOMContentLoaded", () => {
     const prompts = lines.filter((line) => line.startsWith("$ "));
     const commands = prompts.length > 0 || /^\s*(tautwave|pip|python|\.venv|bash|sudo)\b/.test(lines[0]);
     if (commands) pre.classList.add("wraps");
+    for (const line of pre.querySelectorAll(".go")) {
+      // What a command prints as a table scrolls: its columns would not survive wrapping.
+      if (/\S {2,}\S.* {2,}\S/.test(line.textContent)) line.classList.add("row");
+    }
     const button = document.createElement("button");
     button.className = "copy";
     button.type = "button";
