@@ -100,3 +100,60 @@ def test_a_decision_without_status_or_group_is_noticed() -> None:
     assert unlike_decisions({"0001-a.md": good}, "") == ["0001-a.md"]
     bad = good.replace("Accepted 2026-11-28.\n\n", "")
     assert unlike_decisions({"0001-a.md": bad}, "- [0001](0001-a.md)\n") == ["0001-a.md"]
+
+
+QUESTIONS = (  # the words of the field that a person searches for, and what is to be found
+    ("passivity control", "control_wall"),
+    ("wave port", "port_effort"),
+    ("rate limit", "limit_effort"),
+    ("external effort", "reaction"),
+    ("tank", "port_close"),
+    ("play-out", "adapt_depth"),
+    ("clocks? of two sites", "clock_line"),
+    ("replay window", "Opener"),
+    ("CiA 402", "TRANSITIONS"),
+    ("CRC", "crc16"),
+    ("bus watchdog", "bringup"),
+    ("Z-width", "z_width"),
+    ("limit cycle", "predict_limit_cycle"),
+    ("Colgate", "sampled"),
+    ("gravity compensation", "SideLoad"),
+    ("URDF", "read_urdf"),
+    ("least squares", "damped_inverse"),
+    ("MCAP", "McapFile"),
+    ("shared memory", "Ring"),
+    ("exit code", "TautwaveError"),
+    ("engage ramp", "ramp_share"),
+    ("energy account", "gate_bounds"),
+    ("ROS 2 bag", "READERS"),
+    ("LeRobot", "lerobot"),
+    ("play operator", "follow_play"),
+)
+SHOWN = 5
+"""Of the files that a search lists, those with most lines first, what a person opens."""
+
+
+def answer(words: str, name: str, texts: dict[str, str]) -> str:
+    """Return where one search leads to a name: a file, or a line of map or glossary; else ''."""
+    sought = re.compile(words, re.IGNORECASE)
+    hits = {path: len(sought.findall(text)) for path, text in texts.items()}
+    for path in sorted(hits, key=lambda path: -hits[path])[:SHOWN]:
+        there = re.search(rf"^(?:def |class )?{name}\b", texts[path], re.MULTILINE)
+        if hits[path] and (there or name in Path(path).stem):
+            return path
+    for page in ("docs/architecture.md", "docs/reference/glossary.md"):
+        lines = [line for line in texts[page].splitlines() if f"`{name}`" in line]
+        if any(sought.search(line) for line in lines):
+            return page
+    return ""
+
+
+@pytest.mark.slow
+def test_one_search_by_the_words_of_the_field_leads_to_the_place() -> None:
+    trees = ("src", "drivers", "sim")
+    paths = [path for tree in trees for path in sorted((ROOT / tree).rglob("*.py"))]
+    paths += [ROOT / "docs/architecture.md", ROOT / "docs/reference/glossary.md"]
+    texts = {str(path.relative_to(ROOT)): path.read_text("utf-8") for path in paths}
+    unanswered = [words for words, name in QUESTIONS if not answer(words, name, texts)]
+    assert unanswered == []
+    assert not answer("limit cycle", "no_such_name", texts)
