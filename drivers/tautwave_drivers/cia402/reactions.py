@@ -54,7 +54,7 @@ NEXT = {1: 0x605E, 3: 0x605A}
 
 
 def is_standard(index: int, value: int) -> bool:
-    """Return whether CiA 402 says what `value` of an option code does."""
+    """Return whether CiA 402 defines `value` of an option code."""
     return index in REACTIONS and value in REACTIONS[index][1]
 
 

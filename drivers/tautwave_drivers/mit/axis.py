@@ -107,7 +107,7 @@ class Axis:
             self.damper.reset()
 
     def take(self, data: bytes, arrival_ns: int) -> bool:
-        """Take the motor's feedback; False where these bytes are none."""
+        """Take the motor's feedback; False where these bytes are not feedback."""
         if len(data) == 8:
             head = data[0]
             if head & 0xF == self._nibble and (data[1] > 0xF or not damiao.is_parameter(data)):

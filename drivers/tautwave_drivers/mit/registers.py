@@ -97,7 +97,7 @@ class Registers:
         return value_read
 
     def told(self, motor_id: int, answer_id: int, order: bytes) -> Feedback | None:
-        """Send an order such as disable; return the feedback to it, None where none came."""
+        """Send an order such as disable; return its feedback, None without an answer."""
         for _ in range(TRIES):
             feedbacks: list[Feedback] = []
 

@@ -91,7 +91,7 @@ class RegisterCodec:
 
 
 def refusal(pdu: bytes) -> str:
-    """Return the exception in a PDU as text, '' if it is none."""
+    """Return the exception in a PDU as text, '' if it has none."""
     if pdu[0] & frames.REFUSED:
         return f"{exception_text(pdu[1])} to {function_text(pdu[0] & ~frames.REFUSED)}"
     return ""

@@ -250,11 +250,11 @@ class Player:
         return min((at for at, _, _ in self._coming), default=None)
 
     def advance(self, to_ns: int) -> None:
-        """Nothing happens by itself."""
+        """Do nothing: traffic has no time of its own."""
 
     def readable(self) -> bool:
         """Return whether something has come."""
         return any(at <= self._clock.now_ns() for at, _, _ in self._coming)
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing: no connection is open."""

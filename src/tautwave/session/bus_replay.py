@@ -49,7 +49,7 @@ class Replayed(NamedTuple):
 
 
 def replay_bus(rig: Rig, bus: str, events: Sequence[Event]) -> Replayed:
-    """Have a bus' driver open, enable and run on recorded traffic, with zero commands.
+    """Let a bus' driver open, enable and run on recorded traffic, with zero commands.
 
     The clock is a fake one: no device is opened and nothing is waited for. Devices without a
     watchdog are refused where they were then: where the recording ends with that.

@@ -170,7 +170,7 @@ def _draw_alone(directory: Path) -> None:
 
 
 def _complete(directory: Path, *options: str) -> tuple[str, bool]:
-    """Have the run's report written; return why it failed, and whether for lack of space.
+    """Write the run's report; return why it failed, and whether for lack of space.
 
     '' means that the report was written.
     """

@@ -96,7 +96,7 @@ def news_lines(news: str, columns: int = 80) -> list[str]:
 
 
 def room(descriptor: int) -> tuple[int, int]:
-    """Return the columns and lines of a terminal; what is none has room for everything."""
+    """Return the columns and lines of a terminal; a pipe or file has room for everything."""
     with suppress(OSError):
         columns, lines = os.get_terminal_size(descriptor)
         if columns > 0 and lines > 1:

@@ -78,7 +78,7 @@ class Day:
         return self.folder(stage)
 
     def forget(self, stage: str) -> None:
-        """Have a stage to be done again."""
+        """Mark a stage to be done again."""
         self.earlier += self.checks.pop(stage, [])
 
     def seal(self) -> Path:
@@ -177,7 +177,7 @@ class Day:
 
 
 class Begun(NamedTuple):
-    """What an acceptance that was begun is of."""
+    """Rig, devices and stages of an acceptance that was begun."""
 
     by: str
     axes: list[str]

@@ -67,7 +67,7 @@ def write_sealed(out: Path, content: dict[str, Any], keys: Path | None, site: st
 
 
 class Verified(NamedTuple):
-    """What is wrong with an acceptance, nothing is good; and whose signature it has, '' if none."""
+    """Faults of an acceptance, empty if it is sound; and who signed it, '' if nobody."""
 
     wrong: list[str]
     signer: str

@@ -106,7 +106,7 @@ def noise(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
 
 
 def delays(rig: Rig, axes: Sequence[str], control: GuidedControl) -> Checks:
-    """A small step of effort moves the device its way, soon enough; dry friction gets a larger."""
+    """A small step of effort moves the device its way, soon enough; dry friction gets more."""
     yield from control.ask(
         f"each axis gets a tenth of its effort limit until it answers, at most for {STEP_S:g} s, "
         f"and up to {STEP_SHARES[-1]:g} of it if it does not move; keep clear, then press Enter"

@@ -40,7 +40,7 @@ FELT = ("+", "-", "0")
 def touches(
     rig: Rig, axes: Sequence[str], control: GuidedControl
 ) -> Generator[None, None, list[Check]]:
-    """Have each axis pull a hand a little the positive way; the person says which way that was.
+    """Let each axis pull a hand a little the positive way; the person says which way it was.
 
     An axis that takes velocity goes a degree instead.
     """

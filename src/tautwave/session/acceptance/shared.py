@@ -207,7 +207,7 @@ class _Zeroed:
 
 
 def _address(found: re.Match[str]) -> str:
-    """Return <host> for an address of IPv6; `607C:00` is none."""
+    """Return <host> for an address of IPv6; `607C:00` is not one."""
     try:
         ipaddress.IPv6Address(found[0].partition("%")[0])
     except ValueError:

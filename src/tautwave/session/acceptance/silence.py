@@ -16,7 +16,7 @@ ARMED_S, LONGER, LISTEN_S = 0.2, 3.0, 1.0
 def silences(
     rig: Rig, axes: Sequence[str], control: GuidedControl
 ) -> Generator[None, None, list[Check]]:
-    """Say nothing for longer than any watchdog waits; each device has to have let go by itself."""
+    """Send nothing for longer than any watchdog waits; each device has to let go by itself."""
     yield from control.ask(
         "the drives are enabled with zero effort, and their watchdogs armed; press Enter, and this "
         "host is silent until each of them has let go by itself"

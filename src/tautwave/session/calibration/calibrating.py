@@ -218,7 +218,7 @@ def _left(path: Path, kept: Sequence[str], left: Sequence[str]) -> str:
 
 
 def _rounded(axes: Axes) -> Axes:
-    """Return numbers as they are worth writing: to a microradian or micrometre."""
+    """Return numbers rounded to a microradian or micrometre."""
     return {
         name: {
             key: round(value, 6)

@@ -79,7 +79,7 @@ def priority(wanted: int) -> Finding:
 
 
 def memory(wanted: bool, limit: int, root_user: bool) -> Finding:
-    """Judge the limit [bytes] of locked memory; -1 is none."""
+    """Judge the limit [bytes] of locked memory; -1: unlimited."""
     if not wanted:
         return Finding("locked memory", GOOD, "not requested (loop.lock_memory: false)")
     if limit == resource.RLIM_INFINITY or limit >= LOCKED_BYTES or root_user:

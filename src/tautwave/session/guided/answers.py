@@ -68,7 +68,7 @@ def number(unit: str, *others: str) -> Callable[[str], float]:
 
 
 def one_of(*words: str) -> Callable[[str], str]:
-    """Return what reads one of these words, '' is Enter; no ends it where it is none of them."""
+    """Return a reader of one of these words, '' for Enter; `no` declines unless it is one."""
 
     def read(answer: str) -> str:
         word = answer.lower()

@@ -125,7 +125,7 @@ class GuidedControl(Control):
         self._push[self._places[name]] = effort
 
     def drive(self, name: str, velocity: float) -> None:
-        """Have an axis that takes velocity go at one [rad/s or m/s], until the next call."""
+        """Command a velocity [rad/s or m/s] to an axis that takes one, until the next call."""
         self._drive[self._places[name]] = velocity
 
     def fall_silent(self, seconds: float) -> None:

@@ -256,7 +256,7 @@ class ExcitedControl(Control):
             self.columns += axis_columns(names[at].name, params[at], SHAKEN)
 
     def step(self, slot: int, skipped: int) -> bool:
-        """Close every axis, and think on the excited one; or begin."""
+        """Close every axis and decide the excited one; or begin."""
         r, o = self.run, self.state
         if o.armed_at < 0:
             return self._engage(slot)

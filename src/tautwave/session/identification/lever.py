@@ -119,7 +119,7 @@ class LeverResult(NamedTuple):
 
     @property
     def knows_weight(self) -> bool:
-        """Whether the weight is known to a fifth of itself, or is none beside the friction."""
+        """Whether the weight is known to a fifth of itself, or negligible beside the friction."""
         assert self.fit.weight is not None
         size = math.hypot(*(one.value for one in self.fit.weight))
         doubt = max(one.upper - one.value for one in (*self.fit.weight, self.fit.bias))

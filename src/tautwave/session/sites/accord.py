@@ -75,7 +75,7 @@ def _unrest(one: Accord) -> tuple[int, bool]:
 
 
 def read_accord(said: Any) -> Accord | None:
-    """Return what the other site said, None if that is none."""
+    """Return what the other site said, None if it is not valid."""
     match said:
         case [str(state), bool(faulted), bool(keep), [int(one), int(two)]] if (
             state in CALMEST and min(one, two) >= 0

@@ -293,7 +293,7 @@ class SiteControl(CoupledControl):
         silences.append({"at_s": self._seconds(), "why": why})
 
     def _renew(self, why: str) -> None:
-        """Have another session begun, into which nothing crosses; hold until then."""
+        """Ask for another session, into which nothing crosses; hold until then."""
         if not self._left:
             self._miss(why)
             self._line.send(renew=why, of=self.sessions[-1]["id"])

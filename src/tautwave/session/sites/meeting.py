@@ -36,7 +36,7 @@ class Said(NamedTuple):
 
 
 def read_said(said: Any, names: Sequence[str]) -> Said | None:
-    """Return what the other site said, None if that is none."""
+    """Return what the other site said, None if it is not valid."""
     if not isinstance(said, Mapping):
         return None
     at, known = positions(said.get("at"), names), said.get("offsets")
@@ -219,7 +219,7 @@ class Meeting:
         self._say({"stands": said._asdict()})
 
     def _keep_offsets(self) -> None:
-        """Have pairs without an offset of their own take the one that the run has."""
+        """Give pairs without an offset of their own that of the run."""
         if self._keeps:
             return
         kept = []

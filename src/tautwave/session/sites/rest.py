@@ -88,7 +88,7 @@ class Rest:
         return [already + self.holds.granted(i) for already, i in own]
 
     def unseat(self) -> None:
-        """Have the axes measured anew: their devices were enabled anew."""
+        """Mark the axes as not measured: their devices were enabled anew."""
         self._seated = dict.fromkeys(self._own, False)
         for i in self._own:
             self.holds.release(i)
