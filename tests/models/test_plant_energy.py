@@ -149,3 +149,39 @@ def test_the_books_close_over_a_million_steps(name: str) -> None:
     residual, gross = compiled_books()(p, plant_cache(p, STEP), steps, STEP, 7.0)
     assert gross > 1.0
     assert abs(residual) <= 1e-10 * gross
+
+
+@pytest.mark.parametrize("rate", [0.05, -0.05, 0.2, -0.2, 0.5, -0.9])
+def test_a_grip_that_stretches_against_friction_works_by_its_spring_and_damper(rate: float) -> None:
+    """At rest, f = k (x_h - x) + b w grows with the hand: its work is the integral of f w."""
+    p = plant(0.1, coulomb=2.0, grip=(40.0, 0.5))
+    h, aim = 0.1, 0.01
+    c = plant_cache(p, h)
+    x, v, _, work, grip, viscous, coulomb, outside = plant_step(
+        p, c, 0.0, 0.0, FREE, 0.3, aim, rate, h
+    )
+    pull = 40.0 * aim + 0.5 * rate
+    if abs(0.3 + pull + 40.0 * rate * h) < 2.0 and abs(0.3 + pull) < 2.0:
+        assert (x, v, viscous, coulomb, outside) == (0.0, 0.0, 0.0, 0.0, 0.0)
+        assert work == pytest.approx(rate * h * (pull + 20.0 * rate * h), rel=1e-12)
+        assert grip == pytest.approx(0.5 * rate * rate * h, rel=1e-12)
+    # In parts it is the same, also where it breaks loose within one of them.
+    parts = 160
+    small = plant_cache(p, h / parts)
+    y, w, mode, sums = 0.0, 0.0, FREE, [0.0] * 5
+    for k in range(parts):
+        y, w, mode, *more = plant_step(
+            p, small, y, w, mode, 0.3, aim + rate * k * h / parts, rate, h / parts
+        )
+        sums = [one + two for one, two in zip(sums, more, strict=True)]
+    assert (y, w) == (pytest.approx(x, abs=1e-12), pytest.approx(v, abs=1e-10))
+    assert sums == pytest.approx([work, grip, viscous, coulomb, outside], rel=1e-8, abs=1e-13)
+
+
+def test_a_grip_that_stretches_breaks_loose_where_friction_ends() -> None:
+    p = plant(0.1, coulomb=2.0, grip=(40.0, 0.5))
+    reached = [
+        plant_step(p, plant_cache(p, h), 0.0, 0.0, FREE, 0.3, 0.01, 0.3, h)[1] for h in (0.09, 0.10)
+    ]
+    # 0.3 + 40 (0.01 + 0.3 t) + 0.15 = 2 at t = 0.0958 s.
+    assert reached[0] == 0.0 < reached[1]

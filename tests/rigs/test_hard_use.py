@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tautwave.analysis.wave_port.effort_step import COARSEST
 from tautwave.certificate.verdict import certify
 from tautwave.controller.records import AxisState
 from tautwave.couplings.wave.port import (
@@ -140,6 +141,15 @@ def test_a_lever_that_is_moved_and_no_longer_followed_ends_the_run() -> None:
     run = played(3.0, 0.1, 20.0, f"{ENVIRONMENT}={{type: free}}", *loud)
     assert "lost its coupling" in str(run.error)
     assert run["time_s"][-1] < 4.0
+
+
+def test_the_coarsest_step_is_a_share_of_what_the_impedance_makes_of_the_fastest_motion() -> None:
+    made = rig(name="bench-1dof-2khz")
+    for axis in ("master.lever", "slave.lever"):
+        k = end_constants(made, axis, command_delays(made)[axis])
+        fastest = made.axes[axis].velocity_limit
+        assert fastest is not None
+        assert k.coarse == pytest.approx(COARSEST * k.port.impedance * fastest)
 
 
 @pytest.mark.parametrize(
