@@ -24,9 +24,9 @@ def held_figure(before: Held, after: Held, lab: Held) -> Figure:
     title = "0.3 N m held against 250 N m/rad, encoder noise 9e-5 rad at 2 kHz"
     figure, (effort, error) = canvas.panels([2.2, 2.2], title, True)
     shown = (
-        (after, canvas.SLAVE, "after"),
+        (after, canvas.SLAVE, "with tank and reserve"),
         (lab, canvas.WALL, "laboratory's PD"),
-        (before, canvas.MASTER, "before"),
+        (before, canvas.MASTER, "without a reserve"),
     )
     for run, colour, name in shown:
         size = max(len(run.time) // POINTS, 1)

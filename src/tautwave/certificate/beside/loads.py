@@ -5,7 +5,8 @@ command delay of d periods from the last stride, is wrong by at most h (|q'| / 2
 it predicts and those that it predicts them from). Over a run that gives out at most
 h (1 + 2 d) sum q'^2, by a b <= (a^2 + b^2) / 2 term by term, and the device's damping b takes
 b / T sum q'^2 (its mean speed in a period is q'/T). For several joints h is a row sum of the
-potential's second derivatives. A load that is believed wrongly has a potential of its own.
+potential's second derivatives. Held as it is at the sample, without a prediction, a load would take
+half of that and lag by half a period. One that is believed wrongly has a potential of its own.
 """
 
 from __future__ import annotations
