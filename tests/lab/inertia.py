@@ -13,9 +13,9 @@ from tautwave.config import Axis, Rig
 from tautwave.contracts import CoupledAxis
 from tautwave.controller.inertia import close_inertia, lighten, start_inertia
 from tautwave.controller.records import AxisParams, AxisState
-from tautwave.laws.limit import LimitParams
+from tautwave.laws.limit import NO_LIMITS
 from tautwave.laws.site import SiteParams
-from tautwave.laws.wall import WallParams
+from tautwave.laws.wall import NO_WALL
 from tautwave.rig.support import inertia_params
 from tautwave.simulation import simulate
 from tests.lab.port.rigs import IMPOSED, bench_rig, fastest
@@ -31,7 +31,6 @@ LOWER = 1.1e-3
 SECONDS, BEGUN_S, FREQUENCY, AMPLITUDE = 3.0, 1.0, 1.0, 0.2
 PERIOD, STEPS = 1e-3, 400
 INF = math.inf
-NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 
 
 class Felt(NamedTuple):
@@ -122,7 +121,7 @@ def attack(seed: int, *, account: bool = True) -> Attack:
     if not account:
         own = own._replace(account=own.account._replace(reserve=INF, capacity=INF))
     half = 0.5 * PERIOD / axis.inertia.lower
-    free = LimitParams(INF, INF, 0.0, INF, -INF, INF, 0.0)
+    free = NO_LIMITS
     site = SiteParams(
         PERIOD, half, NO_WALL, free, 1.0, 0.0, has_wall=False, inertia=own, compensates_inertia=True
     )

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tautwave.laws.limit import (
     AT_LIMIT,
+    NO_LIMITS,
     RAMPED,
     RATE_LIMITED,
     STEPPED,
@@ -192,11 +193,18 @@ def test_guard_lets_only_finite_values_within_limits_pass(position: float, veloc
 
 
 def test_absent_limits_are_infinite() -> None:
-    p = LimitParams(1.0, INF, 0.0, INF, -INF, INF, 0.0)
+    p = LimitParams(effort=1.0)
     assert guard_axis(p, 1e300, -1e300) == 0
     assert guard_axis(p, math.nan, 0.0) == 3
     assert guard_axis(p, 0.0, math.nan) == 3
     assert guard_axis(p, 0.0, INF) == 3
+
+
+@given(numbers, numbers)
+def test_without_limits_every_effort_is_sent(asked: float, last: float) -> None:
+    assert limit_effort(NO_LIMITS, asked, last, INF) == asked
+    assert limited_by(NO_LIMITS, asked, last, INF) == 0
+    assert stop_effort(NO_LIMITS, asked) == 0.0
 
 
 def test_stop_damps() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tautwave.laws.limit import LimitParams, rising_bound
 
-LIMIT = LimitParams(2.0, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
+LIMIT = LimitParams(effort=2.0)
 HALF_MOBILITY = 0.25
 usual = st.floats(-3.0, 3.0)
 

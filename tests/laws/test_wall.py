@@ -320,7 +320,7 @@ def test_a_site_holds_a_wall_that_was_made_stiffer() -> None:
     reach, drift, push = 0.1, 0.01, 2.0
     reserve = push * (reach + drift * push)
     first = WallParams(0.0, 1.0, 10.0, 0.0, False, reserve, reach, drift, push)
-    limit = LimitParams(50.0, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
+    limit = LimitParams(effort=50.0)
     site = SiteParams(T, 0.0, first, limit, 1.0, 0.0, has_wall=True)
     assert render_wall(site, 0.0, False, 0.2, 0.0, 0.0, 50.0) == 2.0
     stiffer = site._replace(wall=first._replace(stiffness=30.0))

@@ -21,7 +21,7 @@ from tautwave.contracts import CoupledAxis
 from tautwave.controller.inertia import close_inertia, lighten, start_inertia
 from tautwave.controller.records import AxisParams, AxisState
 from tautwave.laws.compensation import follow_play
-from tautwave.laws.limit import LimitParams
+from tautwave.laws.limit import NO_LIMITS
 from tautwave.laws.site import SiteParams
 from tautwave.laws.wall import WallParams
 from tautwave.rig import axis_allowance
@@ -45,7 +45,7 @@ def axis_of(noise: float = 0.0, late: int = 0, **keys: float) -> AxisParams:
     )  # fmt: skip
     known = CoupledAxis(PERIOD, 1.0, 1e-3, 0.0, noise, late, 0.0, velocity_limit=20.0)
     wall = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
-    free = LimitParams(INF, INF, 0.0, INF, -INF, INF, 0.0)
+    free = NO_LIMITS
     own = inertia_params(axis, known, 0.5, keys.get("inertia_coulomb", 0.0) * 0.02)
     site = SiteParams(
         PERIOD, 0.5, wall, free, 1.0, 0.0, has_wall=False, inertia=own, compensates_inertia=True

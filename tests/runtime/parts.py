@@ -44,7 +44,7 @@ from tautwave.laws.observer import observer_params, plain_observer
 from tautwave.laws.port import port_params
 from tautwave.laws.servo.admittance import admittance_params, rigid_port
 from tautwave.laws.site import SiteParams
-from tautwave.laws.wall import WallParams
+from tautwave.laws.wall import NO_WALL, WallParams
 from tautwave.laws.wave_filter import filter_gain
 from tautwave.runtime.control import CoupledControl
 from tautwave.runtime.loop import TIMING_COLUMNS, Loop
@@ -54,8 +54,7 @@ from tests.rigs.running import ListSink
 
 T = 1e-3
 PERIOD_NS = 1_000_000
-NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
-WIDE = LimitParams(1e6, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
+WIDE = LimitParams(effort=1e6)
 
 
 def swing(axis: int, cycle: int) -> float:

@@ -22,7 +22,7 @@ from tests.rigs.running import rig_of, tree
 
 Array = npt.NDArray[np.float64]
 INF = math.inf
-FREE = LimitParams(10.0, INF, 0.0, INF, -INF, INF, 0.0)
+FREE = LimitParams(effort=10.0)
 WALL = WallParams(0.0, 1.0, 1000.0, 0.0, controlled=False)
 SITE = SiteParams(1e-3, 1e-3, WALL, FREE, 1.0, 0.0, has_wall=True)
 

@@ -7,14 +7,12 @@ from typing import Any
 
 from tautwave.controller.records import AxisParams, AxisState, PairParams, PairState, PairView
 from tautwave.controller.steps import Law
-from tautwave.laws.limit import LimitParams
+from tautwave.laws.limit import NO_LIMITS
 from tautwave.laws.site import SiteParams
 from tautwave.laws.velocity import track_velocity
-from tautwave.laws.wall import WallParams
+from tautwave.laws.wall import NO_WALL
 
 INF = math.inf
-NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
-FREE = LimitParams(INF, INF, 0.0, INF, -INF, INF, 0.0)
 
 
 def sample_gain(
@@ -34,7 +32,7 @@ def sample_gain(
         Take the sample for a place, and no motion: what is found is stiffness alone.
     """
     off = 1e-6
-    site = SiteParams(period, 0.5 * period / mass, NO_WALL, FREE, gain, 0.0, has_wall=False)
+    site = SiteParams(period, 0.5 * period / mass, NO_WALL, NO_LIMITS, gain, 0.0, has_wall=False)
     half = 0.5 * period
     p = AxisParams(site, half, 0.0, INF, 1.0, 0, 0, True, 1, half, end)
     q = PairParams(0, 1, False, True, 1.0, 1.0, 1.0, 1.0, 1.0, period, half, 0.0, INF, 0, 0, link)

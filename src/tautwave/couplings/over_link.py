@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from tautwave.config.keys.link import Link
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
+from tautwave.controller.records import NEVER, AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.seen import SeenEnd, book_spring, no_spring, where_it_is
 from tautwave.controller.steps import (
     OWN_GUARDS,
@@ -315,7 +315,6 @@ def linked_law(law: Law) -> Law:
     )
 
 
-NEVER = 1 << 50
 CAME, HEARD = 0, 1
 
 

@@ -52,13 +52,16 @@ class LimitParams(NamedTuple):
     [rad/s or m/s], position range [rad or m], damping of the stop outside it [N m s/rad or N s/m].
     """
 
-    effort: float
-    effort_step: float
-    effort_quantum: float
-    velocity: float
-    position_low: float
-    position_high: float
-    stop_damping: float
+    effort: float = math.inf
+    effort_step: float = math.inf
+    effort_quantum: float = 0.0
+    velocity: float = math.inf
+    position_low: float = -math.inf
+    position_high: float = math.inf
+    stop_damping: float = 0.0
+
+
+NO_LIMITS = LimitParams()
 
 
 def clamp(value: float, bound: float) -> float:

@@ -31,6 +31,9 @@ class WallParams(NamedTuple):
     most: float = math.inf
 
 
+NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
+
+
 def wall_depth(p: WallParams, position: float) -> float:
     """Return the penetration [rad or m], 0 outside."""
     depth = p.side * (position - p.position)

@@ -20,7 +20,7 @@ from tautwave.laws.limit import LimitParams
 from tautwave.laws.ramp import NO_STALL
 from tautwave.laws.servo.follower import FollowerParams
 from tautwave.laws.site import SiteParams
-from tautwave.laws.wall import WallParams
+from tautwave.laws.wall import NO_WALL, WallParams
 from tautwave.rig.allowance.filling import axis_allowance, wall_push
 from tautwave.rig.claims import stall_of, sure_effort
 from tautwave.rig.clips import clips
@@ -33,8 +33,6 @@ from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:
     from tautwave.runtime.control import CoupledControl
-
-NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
 
 
 def coupling_law(rig: Rig) -> Law:

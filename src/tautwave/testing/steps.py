@@ -14,7 +14,7 @@ from tautwave.controller.steps import Law, NoParams
 from tautwave.controller.stops import AxisName
 from tautwave.laws.limit import LimitParams
 from tautwave.laws.site import SiteParams
-from tautwave.laws.wall import WallParams
+from tautwave.laws.wall import NO_WALL
 from tautwave.registry import load_named
 from tautwave.runtime.control import Control, CoupledControl
 from tautwave.types import JointState
@@ -24,8 +24,7 @@ AXIS = CoupledAxis(T, 1.0, 1e-3, 0.0, 0.0, 0, 0.0, velocity_limit=100.0, effort_
 """A typical axis: 1 kHz, 1e-3 kg or kg m**2, no filter or command delay, 100 rad/s or m/s,
 10 N m or N."""
 
-NO_WALL = WallParams(0.0, 1.0, 0.0, 0.0, controlled=False)
-WIDE = LimitParams(1e6, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
+WIDE = LimitParams(effort=1e6)
 SITE = SiteParams(T, 0.5 * T / 1e-3, NO_WALL, WIDE, 1.0, 0.0, has_wall=False)
 CYCLES = 3000
 

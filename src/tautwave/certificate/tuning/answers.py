@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from tautwave.analysis.ports.clipped_spring import Asked
 from tautwave.config import Rig
-from tautwave.laws.limit import LimitParams
+from tautwave.laws.limit import NO_LIMITS
 from tautwave.rig import coupling_law, make_control, pair_scale
 from tautwave.types import CommandDelay, JointState
 
@@ -25,8 +25,6 @@ LOUDEST = 1e15
 
 DECAY = 1e-3
 """Relative: how much slower than its filter's pole the end of an answer may seem to decay."""
-
-WIDE = LimitParams(math.inf, math.inf, 0.0, math.inf, -math.inf, math.inf, 0.0)
 
 
 def asked_of_law(rig: Rig, pair: str, delays: Mapping[str, CommandDelay]) -> Asked | None:
@@ -94,7 +92,7 @@ def _answer(
     control.params = [
         p._replace(
             site=p.site._replace(
-                limit=WIDE,
+                limit=NO_LIMITS,
                 has_wall=False,
                 compensates=False,
                 compensates_inertia=False,

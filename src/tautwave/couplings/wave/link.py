@@ -19,7 +19,7 @@ from tautwave.columns import Column
 from tautwave.config.keys.common import AUTO
 from tautwave.config.keys.link import Link
 from tautwave.contracts import Row
-from tautwave.controller.records import AxisParams, AxisState, PairParams, PairView
+from tautwave.controller.records import NEVER, AxisParams, AxisState, PairParams, PairView
 from tautwave.controller.rows import fill_element
 from tautwave.controller.steps import OWN_GUARDS, Guard, SiteLaw, fill_each
 from tautwave.couplings.over_link import FEWEST_DAYS, reach, way_of
@@ -494,9 +494,6 @@ def linked(
         table += trace
     params = LinkParams(round(period * 1e9), ends[0], ends[1])
     return Linked(params, table)
-
-
-NEVER = 1 << 50
 
 
 def keep_last(e: LinkEnd, far: LinkEndParams, table: MutableSequence[float]) -> None:
