@@ -12,7 +12,6 @@ from tautwave.rig.claim_verdict import judge_claim
 from tautwave.rig.claims import axis_claim, kinetic_energy, longest_overrun
 from tautwave.rig.clips import pair_clip
 from tautwave.rig.controller import (
-    NO_WALL,
     axis_names,
     axis_params,
     bare_site,
@@ -64,7 +63,6 @@ if TYPE_CHECKING:
     from tautwave.rig.assembly import Assembly, build_rig, cycles_in, make_clock
 
 __all__ = [
-    "NO_WALL",
     "SEED_WORD",
     "Assembly",
     "BusWay",
