@@ -283,6 +283,16 @@ def test_sentence_of_the_readme() -> None:
     )
 
 
+@pytest.mark.parametrize("damping", [-1e-6, 0.0, 1e-6])
+@pytest.mark.parametrize("filtered", [-1e-6, 0.0, 1e-6])
+def test_what_takes_damping_is_named_however_small(damping: float, filtered: float) -> None:
+    verdict = assess_wall(SampledWall(5000.0, 0.0, T, 1.0), WallDevice(0.1, 2.418))
+    blame = verdict.blame._replace(damping=damping, filter=filtered)
+    text = passivity_sentence(verdict._replace(blame=blame))
+    assert ("B takes 1e-06" in text) == (damping > 0.0)
+    assert ("its filter 1e-06" in text) == (filtered > 0.0)
+
+
 @pytest.mark.slow
 @given(st.floats(0, 6), st.floats(-3, 1), st.sampled_from([0.0, 1.0, 2.6]))
 @settings(max_examples=40)

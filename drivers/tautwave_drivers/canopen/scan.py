@@ -137,9 +137,9 @@ def _row(
     row["revision"], row["serial"] = hexed(c.REVISION), hexed(c.SERIAL_NUMBER)
     word, mode = value(o.STATUSWORD), value(o.MODE_DISPLAY)
     for column, entry in MOTOR.items():
-        found = value(entry)
-        if isinstance(found, int):
-            row[column] = found
+        number = value(entry)
+        if isinstance(number, int):
+            row[column] = number
     row["state"] = decode(word).value if isinstance(word, int) else None
     row["mode"] = mode_name(mode) if isinstance(mode, int) else None
     code = value(o.ERROR_CODE)

@@ -126,10 +126,11 @@ def _of_driver(name: str) -> Sequence[Column]:
 def _of_scenes() -> Mapping[str, tuple[Column, ...]]:
     """Return what the package behind `scene` records, by section; nothing without it."""
     try:
-        found: Mapping[str, tuple[Column, ...]] = registry.control_hooks(SCENE, "report").columns()
+        hooks = registry.control_hooks(SCENE, "report")
+        columns: Mapping[str, tuple[Column, ...]] = hooks.columns()
     except ConfigError:
         return {}
-    return found
+    return columns
 
 
 def kinds_of(rig: Rig) -> Kinds:

@@ -246,8 +246,8 @@ def _depth(
     """Return the distance of a place from a solid's surface [m], and the triangle there."""
     first, end = surfaces["roots"][3 * (number - 2) : 3 * (number - 2) + 2]
     laid = surfaces["tree"], surfaces["boxes"], surfaces["faces"]
-    found = surface_of(*laid, first, end, guess, where[0], where[1], where[2])
-    return found[0], found[4]
+    nearest = surface_of(*laid, first, end, guess, where[0], where[1], where[2])
+    return nearest[0], nearest[4]
 
 
 def _flat(vectors: Sequence[Sequence[float]]) -> list[float]:

@@ -334,12 +334,12 @@ def _plausible(
         return np.concatenate([root @ base.of(bodies(at)) - aim, (at - start) / spread])
 
     def slopes(at: Array) -> Array:
-        found = np.zeros((len(aim) + len(at), len(at)))
+        jacobian = np.zeros((len(aim) + len(at), len(at)))
         for number in range(len(at)):
             step = np.zeros(len(at))
             step[number] = 1e-6
-            found[:, number] = (errors(at + step) - errors(at - step)) / 2e-6
-        return found
+            jacobian[:, number] = (errors(at + step) - errors(at - step)) / 2e-6
+        return jacobian
 
     at, damped = start, 1e-3
     now = errors(at)
@@ -361,10 +361,10 @@ def _plausible(
             break
     covariance = np.linalg.pinv(slopes(at).T @ slopes(at), rcond=1e-14)
     halves = Z_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    found = []
+    bodies_found = []
     for one, half in zip(np.split(at, len(believed)), np.split(halves, len(believed)), strict=True):
         mass = math.exp(2.0 * one[0])
         ends = (math.exp(2.0 * (one[0] - half[0])), math.exp(2.0 * (one[0] + half[0])))
         x, y, z = _estimates(one[7:10], half[7:10])
-        found.append(FoundBody(Estimate(mass, *ends), (x, y, z), _parameters(one)))
-    return tuple(found), bodies(at)
+        bodies_found.append(FoundBody(Estimate(mass, *ends), (x, y, z), _parameters(one)))
+    return tuple(bodies_found), bodies(at)

@@ -122,5 +122,5 @@ def units(rows: Recording) -> dict[str, str]:
         name: (str(keys.get("kind", "rotary")), str(keys.get("causality", "impedance")))
         for name, keys in axis_blocks(rows.attachments).items()
     }
-    found = described(rows.columns, rows.metadata, axes)
-    return {column: of.unit for column, of in found.items() if of.unit}
+    descriptions = described(rows.columns, rows.metadata, axes)
+    return {column: of.unit for column, of in descriptions.items() if of.unit}

@@ -117,16 +117,16 @@ def plant_table(run: Run) -> Table:
 def reported_table(run: Run) -> Table:
     """The range of what drivers and law record beside what every rig does."""
     columns = {name: of for name, of in run.described.items() if is_own(name)}
-    found: dict[tuple[str, str], list[tuple[float, float, str, str]]] = {}
+    ranges: dict[tuple[str, str], list[tuple[float, float, str, str]]] = {}
     for name, values in run.each(columns):
         seen = values[np.isfinite(values)]
         if len(seen):
             owner, _, what = name.rpartition(".")
             key = (what.replace("_", " "), columns[name].meaning)
             unit = columns[name].unit
-            found.setdefault(key, []).append((float(seen.min()), float(seen.max()), owner, unit))
+            ranges.setdefault(key, []).append((float(seen.min()), float(seen.max()), owner, unit))
     rows = []
-    for (what, meaning), ends in found.items():
+    for (what, meaning), ends in ranges.items():
         low, high = min(ends), max(ends, key=lambda one: one[1])
         rows.append((what, meaning, _end(low[0], low, ends), _end(high[1], high, ends)))
     return Table(

@@ -175,9 +175,9 @@ def identify_load(
     TautwaveError
         The rig is refused, the run ended in a fault or a stop, or a joint did not move enough.
     """
-    found = arm_to_weigh(rig, axis)
-    arm = None if found is None else found.keys
-    names = (str(axis),) if found is None else found.axes
+    weighed = arm_to_weigh(rig, axis)
+    arm = None if weighed is None else weighed.keys
+    names = (str(axis),) if weighed is None else weighed.axes
     movers = {
         name: SlowMotion(rig, name, number, duration_s, reach) for number, name in enumerate(names)
     }
