@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from tautwave.clock import FakeClock, MonotonicClock
+from tautwave.clock import LAG_NS, FakeClock, MonotonicClock, PacedClock
 
 MS = 1_000_000
 
@@ -102,3 +102,55 @@ def test_time_is_that_of_the_machine() -> None:
     clock = MonotonicClock()
     times = [time.monotonic_ns(), clock.now_ns(), time.monotonic_ns()]
     assert all(one <= other for one, other in itertools.pairwise(times))
+
+
+class Machine:
+    """Real time for a clock: it passes by sleeping, or by `stall`."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 7 * MS
+        monkeypatch.setattr(time, "monotonic_ns", lambda: self.now)
+        monkeypatch.setattr(time, "sleep", lambda seconds: self.stall(round(seconds * 1e9)))
+
+    def stall(self, ns: int) -> None:
+        self.now += ns
+
+
+def test_simulated_time_that_is_watched_passes_with_real_time_and_leaves_no_slot_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine = Machine(monkeypatch)
+    clock = PacedClock()
+    start = clock.now_ns()
+    machine.stall(9 * LAG_NS)  # the rig is built meanwhile
+    clock.sleep_until(start)
+    behind = machine.now - start
+    for slot in range(1, 11):
+        clock.sleep_until(start + slot * MS)
+        assert clock.now_ns() == machine.now - behind == start + slot * MS
+    machine.stall(6 * MS + MS // 2)  # made up at once, slot after slot
+    for slot in range(11, 17):
+        clock.sleep_until(start + slot * MS)
+        assert clock.now_ns() == start + slot * MS
+        assert machine.now == behind + start + 16 * MS + MS // 2
+    clock.sleep_until(start + 17 * MS)
+    assert machine.now == behind + start + 17 * MS
+    assert clock.sentence() == "simulated time kept up with real time: no slot was skipped"
+
+
+def test_simulated_time_waits_for_a_machine_that_stands_still(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine = Machine(monkeypatch)
+    clock = PacedClock()
+    start = machine.now
+    clock.sleep_until(start)
+    machine.stall(3 * LAG_NS)
+    clock.sleep_until(start + MS)
+    assert clock.now_ns() == start + MS
+    clock.sleep_until(start + 2 * MS)  # from here on as before, later by the stall
+    assert clock.now_ns() == start + 2 * MS
+    assert machine.now == start + 3 * LAG_NS + MS
+    assert clock.sentence() == (
+        "simulated time waited 0.15 s for this machine, in 1 piece: no slot was skipped"
+    )

@@ -1,30 +1,34 @@
 """Pictures of the page of a run, for README and docs, and for a person to look at.
 
 `python -m tests.view.pictured DIR [NAME ...]`: the two of docs/howto/watch-a-run.md (`bench`),
-README's moving picture (`arms`: leader and follower on the page of their run), and a
-picture of each scene that is played with the pointer, with how far its hand was led.
+README's moving picture (`arms`: leader and follower on the page of their run), and two of each rig
+that is played with the pointer, led and ended, with how its run went.
 """
 
 from __future__ import annotations
 
 import io
+import math
 import signal
 import sys
 import time
 from base64 import b64decode
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
+from tautwave import read_recording
+from tautwave.summary import read_summary
 from tests.view.alone import CALM, click, fire, press, start, state
 from tests.view.browser import Browser
 from tests.view.served import BENCH
 
-PLAYED = ("scene-string", "scene-granular")
-UNHURRIED = ("rate_hz=4000", "loop.overrun_limit=5000", "loop.missing_limit=5000")
+PLAYED = ("bench-room-loopback", "scene-resonator", "scene-string", "scene-granular")
+PLAYED_S, LEFT_S = 8.0, 4.0
+"""How long a hand is led, and how long it is left alone after that [s]."""
 READY = "window.tautwave?.store?.end > 10"
-DRAGGED_PX = 60.0
 FILMED_S, FRAME_S, COLOURS = 5.8, 0.15, 24
 WIDTH, HEIGHT = 960, 440
 """Of the page while it is filmed [px]."""
@@ -102,34 +106,50 @@ def arms(browser: Browser, directory: Path) -> None:
     )  # fmt: skip
 
 
-def played(browser: Browser, name: str, directory: Path) -> str:
-    """Drag a scene's first hand by the mouse; return how far it was led."""
-    rig = BENCH.parent / f"{name}.yaml"
-    run, url = start(directory / name, UNHURRIED, "--pointer", "--allow-uncertified", rig=rig)
+def played(browser: Browser, name: str, directory: Path) -> dict[str, Any]:
+    """Lead a rig's first hand by the mouse, let go, stop; return how the run and its sound went.
+
+    At the rig's own rate and limits, as a person plays it.
+    """
+    out = directory / name
+    run, url = start(out, (), "--pointer", rig=BENCH.parent / f"{name}.yaml")
     browser.look(1300, 1080, dark=False)
     browser.open(url)
     assert browser.wait(READY, 240.0), "the run does not begin"
     browser.wait("document.querySelector('#figures svg.led')")
-    at = (
-        "(()=>{const n=Object.keys(tautwave.figures.ranges)[0]; const c=tautwave.facts.columns"
-        ".find((one)=>one.endsWith(n+'.reference')); return [n, c, tautwave.store.newest(c)]})()"
-    )
-    before = browser.run(at)
-    x, y = browser.run(
+    led, (low, high) = browser.run("Object.entries(tautwave.figures.ranges)[0]")
+    x, y, width = browser.run(
         "(()=>{const e=document.querySelector('#figures svg.led');"
         "e.scrollIntoView({block:'center'}); const r=e.getBoundingClientRect();"
-        "return [r.x+r.width/2, r.y+r.height/2]})()"
+        "return [r.x+r.width/2, r.y+0.4*r.height, r.width]})()"
     )
-    mouse = {"button": "left", "buttons": 1, "clickCount": 1}
-    for word, dx, dy in (("mousePressed", 0, 0), *(("mouseMoved", k, -k) for k in (20, 40, 60))):
-        browser.call("Input.dispatchMouseEvent", type=word, x=x + dx, y=y + dy, **mouse)
-    browser.wait(f"{at}[2] != {before[2]}")
-    after = browser.run(at)
+    mouse = {"button": "left", "buttons": 1, "clickCount": 1, "y": y}
+    began, word = time.monotonic(), "mousePressed"
+    while (now := time.monotonic() - began) < PLAYED_S and not browser.run("tautwave.ended"):
+        side = 0.45 * width * math.sin(2.0 * math.pi * 0.7 * now)
+        browser.call("Input.dispatchMouseEvent", type=word, x=x + side, **mouse)
+        if word == "mousePressed":
+            word = "mouseMoved"
+        time.sleep(0.02)
     browser.shot(directory / f"{name}.png")
-    browser.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 60, y=y - 60, **mouse)
-    run.kill()
-    run.wait(30)
-    return f"{name}: {before} to {after}"
+    browser.call("Input.dispatchMouseEvent", type="mouseReleased", x=x, **mouse)
+    time.sleep(LEFT_S)
+    click(browser, "#stop")
+    found: dict[str, Any] = {"range": [low, high], "ended": browser.wait("tautwave.ended")}
+    if name.startswith("scene-"):
+        found["sound"] = browser.wait("!document.getElementById('listen').hidden", 120.0)
+        if found["sound"]:
+            click(browser, "#listen")
+            found["heard_s"] = browser.run("tautwave.playing.buffer.duration")
+    browser.shot(directory / f"{name}-ended.png")
+    found["code"] = run.wait(120)
+    summary, _ = read_summary(out)
+    found |= {"outcome": summary.outcome.sentence, "cycles": summary.cycles,
+              "missed": summary.missed_cycles}  # fmt: skip
+    rows = read_recording(out, [f"true.master.{led}.position"])
+    places = rows[f"true.master.{led}.position"]
+    found["places"] = [float(places.min()), float(places.max())]
+    return found
 
 
 def main(directory: Path, *wanted: str) -> None:
@@ -142,7 +162,7 @@ def main(directory: Path, *wanted: str) -> None:
             arms(browser, directory)
         for name in PLAYED:
             if not wanted or name in wanted:
-                print(played(browser, name, directory), flush=True)
+                print(name, played(browser, name, directory), flush=True)
         print(browser.problems or "no problems", flush=True)
 
 

@@ -135,7 +135,7 @@ def _timing(summary: Summary) -> Judged:
         severity = "note"
     if recording.error:
         severity = "bad"
-    if summary.clock == "fake" or late.p99 is None:
+    if summary.clock == "fake" or not late.max or late.p99 is None:
         return Judged("timing", severity)
     text = f"99 % of the cycles at most {microseconds(late.p99, 3)} late"
     return Judged("timing", severity, f"{text}, the latest {microseconds(late.max, 3)}")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from tautwave.clock import FakeClock, MonotonicClock
+from tautwave.clock import FakeClock, MonotonicClock, PacedClock
 from tautwave.config import Rig, bus_spec, has_loads
 from tautwave.contracts import BusSpec, Clock, RowSource, Simulator
 from tautwave.errors import ConfigError
@@ -16,6 +16,7 @@ from tautwave.rig.carrying import side_loads
 from tautwave.rig.controller import follower_params, make_control
 from tautwave.rig.damping import damped
 from tautwave.rig.hooks import rig_hooks
+from tautwave.rig.led import pointed_hands
 from tautwave.rig.truth import SEED_WORD, axis_model
 from tautwave.rig.ways import BusWay, Way, bus_ways
 from tautwave.runtime.carrying.driver import CarryingDriver
@@ -88,9 +89,15 @@ def build_rig(
         bus, or the length is none.
     """
     cycles = cycles_in(rig, duration_s)
-    the_clock = make_clock(rig, clock)
     if ways is None:
         ways = bus_ways(rig, clock=clock)
+    the_clock = make_clock(rig, clock)
+    if (
+        clock == "real"
+        and pointed_hands(rig)
+        and all(one.way is Way.MEMORY for one in ways.values())
+    ):
+        the_clock = PacedClock()
     buses: list[LoopBus] = []
     simulators: list[Simulator] = []
     delays: dict[str, CommandDelay] = {}

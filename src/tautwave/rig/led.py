@@ -20,8 +20,6 @@ POINTER_SHARE = 0.15
 """The same of a hand that a pointer leads; a mouse jumps."""
 INSIDE = 0.8
 """Share of an axis' range inside which a pointer leads it, so that it does not run out of it."""
-STALL_S = 0.5
-"""Stall of the host that a scene which is played for fun goes on after [s]."""
 GRIP_N = 20.0
 """[N] Of a hand on a master that takes velocity."""
 SENSED = {
@@ -35,6 +33,16 @@ SENSED = {
     "load": None,
 }
 """What a virtual device has not."""
+
+
+def pointed_hands(rig: Rig) -> list[str]:
+    """Return the pairs, or axes of a scene, whose hands follow the pointer of a page."""
+    hands = {} if rig.simulation is None else rig.simulation.hand
+    return [
+        name
+        for name, hand in hands.items()
+        if isinstance(getattr(hand, "reference", None), Pointer)
+    ]
 
 
 def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
@@ -91,8 +99,7 @@ def led_by_policy(rig: Rig, fps: float = 30.0) -> Rig:
 def led_by_pointer(rig: Rig) -> Rig:
     """Return the rig with hands that follow the pointer of its page, at every simulated master.
 
-    Each keeps its grip, or has a light one, and the reach of the motion that it would have made. A
-    scene goes on after longer stalls of the host.
+    Each keeps its grip, or has a light one, and the reach of the motion that it would have made.
 
     Raises
     ------
@@ -122,11 +129,7 @@ def led_by_pointer(rig: Rig) -> Rig:
         else:
             hands[name] = Hand(lever_arm=lever, reference=lead)
     simulation = rig.simulation.model_copy(update={"hand": hands})
-    loop = rig.loop
-    if rig.scene is not None:  # at an audio rate on any machine; a stall moves nothing real
-        slots = max(loop.overrun_limit or 0, round(STALL_S * rig.rate_hz))
-        loop = loop.model_copy(update={"overrun_limit": slots})
-    return rig.model_copy(update={"simulation": simulation, "loop": loop})
+    return rig.model_copy(update={"simulation": simulation})
 
 
 def _reach(axis: Axis, reference: object) -> tuple[float, float] | None:

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tautwave.clock import FakeClock, PacedClock
 from tautwave.config import Rig, resolved_yaml
 from tautwave.errors import ConfigError, TautwaveError
 from tautwave.files import write_text
@@ -312,7 +313,8 @@ def _move(
     """
     rows = rig.duration_s * rig.rate_hz
     warn_of_little_room(directory, rows, len(assembly.columns), warn)
-    if clock == "real":
+    waits = isinstance(assembly.clock, FakeClock)  # simulated time does, for the disk too
+    if not waits:
         warn_of_slow_disk(directory, rig.rate_hz * len(assembly.columns) * VALUE_BYTES, warn)
     recorder = Recorder(
         directory / "recording.mcap",
@@ -320,7 +322,7 @@ def _move(
         metadata=metadata_of(rig, clock, assembly.columns),
         attachments={"rig.yaml": text.encode()},
         rows=rig.loop.ring_rows,
-        lossless=clock == "fake",
+        lossless=waits,
         rate_hz=rig.rate_hz,
         live=facts,
     )
@@ -338,7 +340,7 @@ def _move(
         assembly.control,
         assembly.sources,
         recorder,
-        going if clock == "real" else progress,
+        progress if waits else going,
         begun=recorder.begin,
         opened=None if warn is None else _opened(rig, assembly, real, warn),
     )
@@ -358,6 +360,8 @@ def _move(
         if isinstance(result.error, TautwaveError):
             raise result.error
     keep()
+    if isinstance(assembly.clock, PacedClock):
+        sentences.append(assembly.clock.sentence())
     return LoopOutcome(loop, result, stats, sentences, wall_time_s)
 
 

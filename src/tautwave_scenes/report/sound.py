@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import wave
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tautwave.files import create, writing
+from tautwave.files import write_bytes
 from tautwave.report.figures.envelope import Floats
 from tautwave_scenes.report.view import SceneView
 from tautwave_scenes.rig.network import keys_of
@@ -68,8 +69,10 @@ def write_sound(view: SceneView | View3d, path: Path) -> None:
     signal = resample(output_signal(view), view.rig.rate_hz, SOUND_HZ)
     peak = float(np.abs(signal).max()) if len(signal) else 0.0
     scaled = signal * (PEAK * 32767.0 / peak) if peak > 0.0 else signal
-    with writing(path), open(create(path), "wb") as raw, wave.open(raw, "wb") as file:
+    made = io.BytesIO()
+    with wave.open(made, "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
         file.setframerate(SOUND_HZ)
         file.writeframes(np.round(scaled).astype("<i2").tobytes())
+    write_bytes(path, made.getvalue())  # in one step: a page waits for it

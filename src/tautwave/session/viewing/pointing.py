@@ -6,23 +6,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from tautwave.config import Pointer, Rig
+from tautwave.config import Rig
 from tautwave.errors import ConfigError
 from tautwave.rig import Assembly
+from tautwave.rig.led import pointed_hands
 from tautwave.rig.ways import BusWay, Way
 from tautwave.runtime.operate.commands import LEAD
 from tautwave.runtime.operate.lead import Leads, Pointed
 from tautwave.runtime.operate.mailbox import Mailbox
-
-
-def pointed_hands(rig: Rig) -> list[str]:
-    """Return the pairs, or axes of a scene, whose hands follow the pointer of a page."""
-    hands = {} if rig.simulation is None else rig.simulation.hand
-    return [
-        name
-        for name, hand in hands.items()
-        if isinstance(getattr(hand, "reference", None), Pointer)
-    ]
 
 
 def refuse_pointers(rig: Rig, ways: Mapping[str, BusWay], clock: str) -> None:

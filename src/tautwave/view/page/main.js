@@ -83,7 +83,11 @@ function soFar(said) {
 async function playable(said) {
   const bytes = Uint8Array.from(atob(said.wav), (letter) => letter.charCodeAt(0));
   app.audio ??= new AudioContext();
-  app.heard = await app.audio.decodeAudioData(bytes.buffer);
+  try {
+    app.heard = await app.audio.decodeAudioData(bytes.buffer);
+  } catch (error) {
+    return note(`The sound could not be read (${error.message}); it is output.wav in ${said.directory}.`, "refused");
+  }
   tellEnd(said.directory);
   const button = el("listen");
   button.textContent = `play the sound (${app.heard.duration.toFixed(1)} s)`;
