@@ -49,6 +49,10 @@ def test_every_shipped_rig_is_one_screen(tautwave_cli: Cli, name: str) -> None:
     assert max(map(len, lines)) <= COLUMNS
     assert lines[-1] == f"  {load_rig(CONFIGS / name).name}: may run."
     assert any("(required)" in line for line in lines) or "bench-position" in name
+    at = next((k for k, line in enumerate(lines) if line.startswith("  improve")), None)
+    if at is not None:  # ends with what to do, a command or in words
+        said = lines[at : lines.index("", at)]
+        assert not said[-1].endswith("..."), said
 
 
 @pytest.mark.slow

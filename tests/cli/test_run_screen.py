@@ -11,6 +11,7 @@ from tautwave.cli.group import COMMANDS, DAILY
 from tautwave.cli.terminal.screen import LINES, line_count
 from tautwave.cli.terminal.show import plain_text
 from tautwave.cli.terminal.summary import summary_sections
+from tautwave.config import load_rig
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import outcome, verdicts
 from tautwave.summary import summary_of
@@ -22,8 +23,11 @@ from tests.cli.conftest import SUMMARY
 from tests.commands import keep_in_one_process
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-HEAVY = ("arms-loopback", "tissue", "scene", "three-bus", "granular")
-SHIPPED = sorted(path.stem for path in CONFIGS.glob("*.yaml"))
+HEAVY = ("arms", "tissue", "scene", "three-bus")
+SHIPPED = sorted(
+    str(path.relative_to(CONFIGS))
+    for path in [*CONFIGS.glob("*.yaml"), *CONFIGS.glob("arms/*.yaml")]
+)
 
 
 def made(**keys: Any) -> Summary:
@@ -121,12 +125,18 @@ def test_many_pairs_devices_and_warnings_fit_on_a_screen() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [one for one in SHIPPED if not any(h in one for h in HEAVY)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(one, marks=pytest.mark.nightly if any(h in one for h in HEAVY) else ())
+        for one in SHIPPED
+    ],
+)
 def test_a_run_of_a_shipped_rig_is_one_screen(
     name: str, tautwave_cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     keep_in_one_process(monkeypatch)
-    rig = CONFIGS / f"{name}.yaml"
+    rig = CONFIGS / name
     bare = () if "\nsimulation:" in rig.read_text() else ("--set", "simulation={}")
     done = tautwave_cli(
         *("run", rig, "--clock", "fake", "--simulate", "--duration", "0.4", "--quiet"),
@@ -134,7 +144,7 @@ def test_a_run_of_a_shipped_rig_is_one_screen(
     )
     assert done.exit_code in (0, 3), done.output
     shown = done.stdout.splitlines()
-    first = next(at for at, line in enumerate(shown) if line.startswith(name[:3]))
+    first = next(k for k, line in enumerate(shown) if line.startswith(f"{load_rig(rig).name}: "))
     assert len(shown[first:]) <= LINES - 4  # and the lines on its buses
 
 

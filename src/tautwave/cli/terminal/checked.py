@@ -260,7 +260,14 @@ def _advice(result: Any, room: Room, command: str) -> Iterator[tuple[str | Cell,
     on, text = best
     if on != "hint on claims":
         text = f"{on.removeprefix('hint on ')}: {text}"
-    yield "improve", folded("improve", text, ADVICE, room.lines)
+    shown = folded("improve", text, ADVICE, room.lines)
+    remedy = ""
+    if shown.endswith("...") and not best.change:  # what to do may not be cut off
+        text, _, remedy = text.rpartition("; ")
+        shown = folded("improve", text, ADVICE, room.lines)
+    yield "improve", shown
+    if remedy:
+        yield "", remedy
     if best.change:
         typed = (f"{one} --set {best.change}" for one in (command, "tautwave check RIG"))
         fit = (one for one in typed if len(one) <= COLUMNS - ADVICE - 4)
