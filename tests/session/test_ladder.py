@@ -250,7 +250,7 @@ def changed_rate(folder: Path) -> None:
 
 def edited(folder: Path) -> None:
     text = (folder / "out" / FILE).read_text()
-    (folder / "out" / FILE).write_text(text.replace('"good": false', '"good": true'))
+    (folder / "out" / FILE).write_text(text.replace('"good": true', '"good": false'))
 
 
 def of_another_version(folder: Path) -> None:
@@ -303,11 +303,29 @@ def test_what_is_not_of_this_rig_is_not_believed(
     asked, out = Acceptance(rig, ("slave.lever",), STAGES, 1.0, "me"), tmp_path / "out"
     out.mkdir()
     day = Day(asked, load_rig(rig), out, FAKE)
-    day.checks["identity"] = [Check("identity", "slave.lever", {}, "", False)]
+    day.checks["identity"] = [Check("identity", "slave.lever", {}, "", True)]
     day.seal()
     changes(tmp_path)
     with pytest.raises(ConfigError, match=said):
         Day(asked, load_rig(rig), out, FAKE).resume(())
+
+
+@pytest.mark.parametrize("changes", [changed_axis, changed_rate, of_other_axes, of_other_files])
+def test_a_rig_whose_devices_were_refused_at_first_is_mended_and_goes_on(
+    tmp_path: Path, verdicts: Verdicts, changes: Callable[[Path], None]
+) -> None:
+    """`--resume`, which is offered then, does not ask for a rig that was wrong."""
+    rig = bench(tmp_path)
+    verdicts["identity"] = [False]
+    found, _ = led(rig, "identity,hand", "0\n")
+    assert found.left == ["identity", "hand"]
+    changes(tmp_path)
+    found, said = led(rig, "identity,hand", "0\n", resume=True)
+    assert found.left == []
+    content = document(rig)
+    assert [one["good"] for one in content["earlier"]] == [False]
+    assert content["folders"] == {"identity": "identity-2", "hand": "hand"}
+    assert verify(tmp_path / "out" / FILE).wrong == []
 
 
 @pytest.mark.parametrize(
