@@ -320,7 +320,7 @@ def test_a_rig_whose_devices_were_refused_at_first_is_mended_and_goes_on(
     found, _ = led(rig, "identity,hand", "0\n")
     assert found.left == ["identity", "hand"]
     changes(tmp_path)
-    found, said = led(rig, "identity,hand", "0\n", resume=True)
+    found, _ = led(rig, "identity,hand", "0\n", resume=True)
     assert found.left == []
     content = document(rig)
     assert [one["good"] for one in content["earlier"]] == [False]

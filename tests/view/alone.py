@@ -262,6 +262,22 @@ OVERPRINTS = """(async () => {
 """By flow of a drawing with many boxes: how many of them the flow's number is printed over."""
 
 
+GRAINS = """(async () => {
+  const { Figures } = await import("/figures.js");
+  const article = document.createElement("article");
+  const host = article.appendChild(document.createElement("div"));
+  const columns = Array.from({length: 12}, (_, k) => `scene.at.grain${k}`);
+  const axis = {name: "bar", unit: "m", effort: "N", sides: {master: {range: [-1, 1]}}};
+  const facts = {pairs: [], axes: [axis]};
+  new Figures(host, {columns, newest: () => 0.1}, facts, () => {}).draw();
+  const svg = host.querySelector("svg");
+  const nodes = [...svg.querySelectorAll(".node")];
+  const dots = nodes.map((one) => +one.getAttribute("d").match(/ (.*)h/)[1]);
+  return [svg.viewBox.baseVal.y, svg.viewBox.baseVal.y + svg.viewBox.baseVal.height, ...dots];
+})()"""
+"""Where the picture of a scene begins and ends, and how high each of its grains stands there."""
+
+
 def start(
     out: Path, sets: Sequence[str], *options: str, rig: Path = BENCH
 ) -> tuple[subprocess.Popen[str], str]:
@@ -350,6 +366,7 @@ def main(directory: Path, looked_at: bool) -> None:
         if looked_at:
             found["pictures"] = pictures(browser, directory)
         found["overprints"] = browser.run(OVERPRINTS)
+        found["grains"] = browser.run(GRAINS)
         click(browser, "#stop")
         found["ended"] = browser.wait("tautwave.ended")
         found["barred"] = dict(browser.run(BARRED))

@@ -161,7 +161,8 @@ export class Controls {
     this.faults = said.faults;
     if (!said.kinds.length && this.cause === said.cause?.at_s) return;
     this.cause = said.cause?.at_s;
-    const newest = [...this.kinds.values()].sort((a, b) => b.last - a.last).slice(0, MAX_ENTRIES);
+    const shown = ({ entry, times }) => times > 1 || entry.at_s !== said.cause?.at_s; // the cause is on top
+    const newest = [...this.kinds.values()].filter(shown).sort((a, b) => b.last - a.last).slice(0, MAX_ENTRIES);
     const items = newest.map(({ entry, times, last }) => entryItem(entry, times > 1 ? ` (x ${times}, last ${last.toFixed(2)} s)` : ""));
     if (said.cause) items.unshift(entryItem(said.cause, "", "first cause"));
     el("entries").replaceChildren(...items);

@@ -158,7 +158,7 @@ class SceneView extends AxisView {
   constructor(svg, store, axis, range) {
     super(svg, store, axis, range);
     const nodes = store.columns.filter((name) => /^scene\.at\.[^.]+$/.test(name));
-    svg.setAttribute("viewBox", `${-SIZE / 2} ${-SIZE / 2} ${SIZE} ${0.5 * SIZE}`);
+    svg.setAttribute("viewBox", `${-SIZE / 2} ${-SIZE / 2} ${SIZE} ${0.5 * SIZE + 9 * Math.min(nodes.length, 10)}`);
     this.nodes = nodes.map((column, k) => {
       const dot = make("path", { class: "joints node" });
       svg.append(dot);
