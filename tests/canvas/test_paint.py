@@ -59,8 +59,14 @@ def boxes(figure, axes):
     return [panel.get_tightbbox(renderer) for panel in axes]
 
 
-def test_a_long_title_stays_in_the_figure():
-    said = "Virtual walls: what is passive, what is stable with this hand. " * 2
+@pytest.mark.parametrize(
+    "said",
+    [
+        "Virtual walls: what is passive, what is stable with this hand. " * 2,
+        "it is still, little; " * 5 + "MORE WORDS WHOSE LETTERS ARE WIDE. " * 3,
+    ],
+)
+def test_a_long_title_stays_in_the_figure(said):
     figure, axes = panels([1.0], said, True)
     axes[0].plot([0.0, 1.0], [0.0, 1.0])
     png(figure, 600)

@@ -147,11 +147,20 @@ def _width(figure: Figure, text: str, letters: FontProperties) -> float:
     return float(renderer.get_text_width_height_descent(text, letters, False)[0]) / figure.dpi
 
 
+LEAST_LINE = 12
+"""Letters of the shortest line that a text is wrapped into."""
+
+
 def _wrapped(figure: Figure, text: str, letters: FontProperties, room: float) -> list[str]:
     whole = _width(figure, text, letters)
     if whole <= room or not text:
         return [text]
-    return textwrap.wrap(text, max(12, int(len(text) * room / whole)))
+    letters_a_line = max(LEAST_LINE, int(len(text) * room / whole))
+    while True:
+        lines = textwrap.wrap(text, letters_a_line)
+        if letters_a_line <= LEAST_LINE or max(_width(figure, s, letters) for s in lines) <= room:
+            return lines
+        letters_a_line -= 1
 
 
 def _columns(figure: Figure, labels: Sequence[str], room: float, style: Style) -> int:

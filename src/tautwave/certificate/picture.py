@@ -56,9 +56,9 @@ if TYPE_CHECKING:
 
 WALLS = (
     "K and B are a virtual wall's spring [effort per depth] and damper [effort per velocity]: its "
-    "effort is K times the depth plus B times the velocity. Left: the damping that the sampled "
-    "wall requires of its device at each frequency; it is passive for any hand if the device has "
-    "more. Right: which K and B pass."
+    "effort is K times the depth plus B times the velocity. At each frequency the sampled wall "
+    "needs damping of its device; it is passive for any hand if the device has more. So some K and "
+    "B pass."
 )
 PORTS = (
     "A port is passive where it reflects no more of a wave than arrives, a ratio of 1. Its "

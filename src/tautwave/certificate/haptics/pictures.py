@@ -45,11 +45,10 @@ WIDTH_WORDS = (
     "stated hand (a slave: with none)."
 )
 FELT_WORDS = (
-    "Left: impedance at the hand. An ideal rig shows exactly what the slave touches. Right: "
-    "Llewellyn's margin, in the linear regime: where it is not negative, the rig is stable between "
-    "any passive hand and environment. Grey: too close to 0 for a "
-    "verdict on a sampled rig. Where the "
-    "margin is negative, a port's tank has to intervene."
+    "Impedance felt by the hand: an ideal rig shows exactly what the slave touches. Absolute "
+    "stability: where Llewellyn's margin is not negative, in the linear regime, the rig is stable "
+    "between any passive hand and environment; grey is too close to 0 for a verdict on a sampled "
+    "rig. Where the margin is negative, a port's tank has to intervene."
 )
 CYCLE_WORDS = (
     "The bare device pressed against the wall by a constant force. Depth is proportional to the "
