@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 from click.testing import Result
 
 from tautwave.cli.terminal.screen import COLUMNS, LINES, axes_named, folded, spanned
@@ -118,3 +120,23 @@ def test_a_long_text_is_cut_at_its_last_line() -> None:
     assert lines[1].endswith(" ...")
     assert max(map(len, lines)) <= COLUMNS - 9
     assert folded("label", "short", 5) == "short"
+
+
+def test_what_an_older_run_said_is_on_a_screen_as_well(tautwave_cli: Cli, tmp_path: Path) -> None:
+    """Keys that differ, each with the option that keeps it; no line is wider than a screen."""
+    older = Path(__file__).parents[1] / "summary" / "older" / "e8d32118-wall.json"
+    shutil.copy(older, tmp_path / "summary.json")
+    rig = CONFIGS / "bench-stiff-wall-loopback.yaml"
+    then = yaml.safe_load(rig.read_text())
+    key = "coupling.pairs.lever.wall_slave.stiffness"
+    then["coupling"]["pairs"]["lever"]["wall_slave"]["stiffness"] = 3.5
+    then["coupling"]["wave_filter_hz"] = 50
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(then))
+    lines = tautwave_cli("check", rig, "--against", tmp_path).stdout.splitlines()
+    at = lines.index(f"  {key}: 3.5 then, 3.0 now")
+    assert lines[at + 1] == f"    --set {key}=3.5"
+    at = lines.index("  no key any more: coupling.wave_filter_hz")
+    assert "tautwave new NEW.yaml --from RUN" in lines[at + 1]
+    assert any(line.startswith("  new since (") for line in lines)
+    paths = [line for line in lines if str(tmp_path) in line]
+    assert max(len(line) for line in lines if line not in paths) <= COLUMNS

@@ -138,25 +138,36 @@ def _against_sections(name: str, found: Any, verbose: bool) -> list[Table]:
     """Return what an older run said, what is said now, and the keys that differ."""
     verdicts: list[tuple[str | Cell, ...]] = [(*one,) for one in found.verdicts]
     verdicts.append((f"{found.alike} others", "the same", "the same"))
-    changed = [one for one in found.keys if one.keeps]
-    shown = changed if verbose else changed[:MAX_KEYS]
-    keys: list[tuple[str | Cell, ...]] = [(one.key, one.then, one.now, one.keeps) for one in shown]
-    if len(changed) > len(shown):
-        keys.append((f"{len(changed) - len(shown)} more", "", "", "--verbose"))
-    gone = [one.key for one in found.keys if not one.now]
-    if gone:
-        keys.append(("no key any more", ", ".join(gone), "", "tautwave new NEW.yaml --from RUN"))
-    new = [one.key for one in found.keys if not one.then]
-    if new:
-        few = ", ".join(new if verbose else new[:MAX_KEYS])
-        keys.append(("new since", "", few if verbose else f"{len(new)}: {few}", ""))
-    if not keys:
-        why = "no key: what is computed from them has changed" if found.verdicts else "-"
-        keys.append(("all keys", "the same", "the same", why))
+    lines = list(_changed_keys(found, verbose))
+    if not lines:
+        lines = ["none" if not found.verdicts else "none: what is computed from them has changed"]
     return [
         Table(f"Against {name}", ("said of", f"then ({found.version})", "now"), verdicts),
-        Table("Keys that differ", ("key", "then", "now", "keeps it as it was"), keys),
+        Table("Keys that differ", ("",), [(line,) for line in lines]),
     ]
+
+
+def _changed_keys(found: Any, verbose: bool) -> Iterator[str]:
+    """Yield a line on each key that differs and one that keeps it, then those gone and new."""
+    from tautwave.cli.terminal.screen import COLUMNS, folded
+
+    changed = [one for one in found.keys if one.keeps]
+    for one in changed if verbose else changed[:MAX_KEYS]:
+        said, keeps = f"{one.key}: {one.then} then, {one.now} now", f"  {one.keeps}"
+        if not verbose and len(keeps) > COLUMNS - 2:
+            said, keeps = f"{one.key}: another value", "  --verbose has it, and the option"
+        yield said if verbose else folded("", said, 0)
+        yield keeps
+    if not verbose and len(changed) > MAX_KEYS:
+        yield f"{len(changed) - MAX_KEYS} more: --verbose"
+    gone = [one.key for one in found.keys if not one.now]
+    new = [one.key for one in found.keys if not one.then]
+    for keys, words in ((gone, "no key any more"), (new, f"new since ({len(new)})")):
+        if keys:
+            said = f"{words}: {', '.join(keys)}"
+            yield said if verbose else folded("", said, 0)
+        if keys is gone and gone:
+            yield "  tautwave new NEW.yaml --from RUN writes them as they are called now"
 
 
 def own_buses(half: Any, simulate: bool | tuple[str, ...]) -> bool | tuple[str, ...]:
