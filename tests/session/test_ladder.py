@@ -314,14 +314,11 @@ def test_what_is_not_of_this_rig_is_not_believed(
 def test_a_rig_whose_devices_were_refused_at_first_is_mended_and_goes_on(
     tmp_path: Path, verdicts: Verdicts, changes: Callable[[Path], None]
 ) -> None:
-    """`--resume`, which is offered then, does not ask for a rig that was wrong."""
     rig = bench(tmp_path)
     verdicts["identity"] = [False]
-    found, _ = led(rig, "identity,hand", "0\n")
-    assert found.left == ["identity", "hand"]
+    assert led(rig, "identity,hand", "0\n")[0].left == ["identity", "hand"]
     changes(tmp_path)
-    found, _ = led(rig, "identity,hand", "0\n", resume=True)
-    assert found.left == []
+    assert led(rig, "identity,hand", "0\n", resume=True)[0].left == []
     content = document(rig)
     assert [one["good"] for one in content["earlier"]] == [False]
     assert content["folders"] == {"identity": "identity-2", "hand": "hand"}
