@@ -12,6 +12,7 @@ from tautwave.cli.terminal.screen import LINES, line_count
 from tautwave.cli.terminal.show import plain_text
 from tautwave.cli.terminal.summary import summary_sections
 from tautwave.config import load_rig
+from tautwave.report.html import STYLE, badge
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import outcome, verdicts
 from tautwave.summary import summary_of
@@ -82,6 +83,24 @@ def test_a_good_day_is_green() -> None:
     noted = made(faults=[{"text": "warm", "axis": "slave.wrist", "fatal": False}])
     assert not eventful(noted)
     assert eventful(made(faults=[{"text": "hot", "axis": "slave.wrist", "fatal": True}]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "status"),
+    [
+        ("finished", "ok"),
+        ("interrupted", "note"),
+        ("safety_stop", "bad"),
+        ("fault", "bad"),
+        ("unknown", "open"),
+    ],
+)
+def test_a_report_is_headed_in_the_colour_of_how_its_run_ended(kind: str, status: str) -> None:
+    ended = made(outcome={"kind": kind, "sentence": ""})
+    found = outcome(Run(Path(), {}, "", ended))
+    assert found.status == status
+    assert f'class="badge {status}"' in badge(found)
+    assert f".badge.{status} {{ background: var(--{status}); }}" in STYLE
 
 
 def test_repeats_in_a_journal_are_one_with_the_first_on_top() -> None:

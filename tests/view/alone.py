@@ -365,6 +365,11 @@ def main(directory: Path, looked_at: bool) -> None:
         browser.run("(e=>{e.value = 5; e.onchange()})(document.getElementById('span'))")
         if looked_at:
             found["pictures"] = pictures(browser, directory)
+        found["wide"] = []
+        for width in (1400, 420):
+            browser.look(width, 1000, dark=False)
+            found["wide"].append(browser.run("document.documentElement.scrollWidth") - width)
+        browser.look(1400, 1000, dark=False)
         found["overprints"] = browser.run(OVERPRINTS)
         found["grains"] = browser.run(GRAINS)
         click(browser, "#stop")

@@ -111,6 +111,10 @@ def test_nothing_can_be_asked_of_a_run_that_has_ended(seen: dict[str, Any]) -> N
     assert len(seen["barred"]) == 7
 
 
+def test_the_page_does_not_scroll_sideways(seen: dict[str, Any]) -> None:
+    assert seen["wide"] == [0, 0]
+
+
 def test_no_number_is_printed_over_a_box(seen: dict[str, Any]) -> None:
     assert seen["overprints"] == [0] * 8
 
