@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tautwave.analysis.claim import DEVIATIONS, Claim
+from tautwave.analysis.claim import DEVIATIONS, Claim, stated_claim
 from tautwave.certificate import Certificate
 from tautwave.certificate.verdict import certify
 from tautwave.config.keys.rig import CLAIMED_S, UNTIL_STOPPED_S
 from tautwave.couplings.wave.claim import claim_of, claimed_joules
 from tautwave.errors import ConfigError
 from tautwave.models.noise_colour import LAGS, greatest_spectrum, spectrum
+from tautwave.report.ends import End
 from tautwave.rig import claim_verdict, command_delays
 from tautwave.rig.claim_verdict import claim_hints
 from tautwave.session.operating import claimed_span
@@ -275,6 +276,18 @@ def test_the_terms_are_those_of_the_docstring() -> None:
     assert stopped.under_way == 6.0
     pressing = PLAIN._replace(spring=7.0)
     assert pressing.under_way == pytest.approx(3.0 * moved + 3.5 * 5.0**2, rel=1e-15)
+
+
+@pytest.mark.parametrize("kinetic", [1e-9, 1.0, 64.0])
+@pytest.mark.parametrize("blind", [0.0, 1.0, 2.0, 9.0])
+def test_a_host_that_misses_nothing_does_not_stall(kinetic: float, blind: float) -> None:
+    """However little a device has at its velocity limit; it was told of as a gap of a period."""
+    claim = PLAIN._replace(kinetic=kinetic, blind=blind)
+    end = End("master.a", 0.0, 0.0, 1.0, 1.0, None, 0.5, stated_claim(claim, 1.0, None))
+    assert end.stalled in {None, False}
+    assert end.sentence == ""
+    late = end._replace(gap_s=claim.safe_gap() + 0.5)
+    assert late.stalled is (None if end.stalled is None else True)
 
 
 def test_a_stop_whose_damping_acts_on_noise_claims_its_power() -> None:

@@ -156,9 +156,9 @@ class Claim(NamedTuple):
     def safe_gap(self) -> float:
         """Return the longest gap between samples that gives no more than `kinetic` [s].
 
-        0 where nothing bounds either.
+        One period at least: that is no gap, but what a prompt host leaves between two samples.
         """
-        low, high = 0, max(0, math.floor(self.blind - self.late))
+        low, high = 1, max(1, math.floor(self.blind - self.late))
         while low < high:
             middle = (low + high + 1) // 2
             given = self._paid.held(self.late + middle)
@@ -216,7 +216,7 @@ class Stated(NamedTuple):
         What the device has at its velocity limit; None of an axis that takes velocities.
     gap_s, safe_gap_s : float
         After which the axis is stopped at the latest; up to which a gap gives no more than
-        `kinetic_j`.
+        `kinetic_j`, one period at least.
     """
 
     claim_j: float

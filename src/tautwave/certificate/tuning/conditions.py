@@ -59,7 +59,7 @@ def _of_gaps(rig: Rig, name: str, delay: CommandDelay) -> Iterator[str]:
         return
     safe = claim.safe_gap()
     condition = f"no sample of {name} is lost and the host does not stall"
-    if safe > 0.0:
+    if safe > 1.5 * claim.period:  # a period is no gap
         condition = f"no gap between samples of {name} is longer than {1e3 * safe:.4g} ms"
     condition += (
         f" (it may supply {joules(stall)} in one of {1e3 * claim.gap:.4g} ms, "
