@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -24,9 +24,12 @@ from tautwave.contracts import (
     no_progress,
 )
 from tautwave.driver_base import DriverBase
-from tautwave.truth import AxisModel
 from tautwave.types import SAFE_COMMAND, AxisCommand, CommandDelay, JointState
-from tautwave_sim.axis import SimulatedAxis, join_arms
+
+if TYPE_CHECKING:
+    from tautwave.truth import AxisModel
+    from tautwave_sim.axis import SimulatedAxis
+    from tautwave_sim.loaded import ArmPhysics
 
 
 class LoopbackOptions(BaseModel):
@@ -43,11 +46,16 @@ class LoopbackSimulator:
     """The axes of one loopback bus and the grid on which they move."""
 
     def __init__(self, axes: Sequence[AxisSpec], truths: Sequence[AxisModel]) -> None:
-        self.axes = [
-            SimulatedAxis(spec.name, truth, truth.loop)
-            for spec, truth in zip(axes, truths, strict=True)
-        ]
-        self.arms = join_arms(self.axes, truths)
+        self.axes: list[SimulatedAxis] = []
+        self.arms: list[ArmPhysics] = []
+        if truths:  # a check asks the driver, and simulates nothing
+            from tautwave_sim.axis import SimulatedAxis, join_arms
+
+            self.axes = [
+                SimulatedAxis(spec.name, truth, truth.loop)
+                for spec, truth in zip(axes, truths, strict=True)
+            ]
+            self.arms = join_arms(self.axes, truths)
         self._period_ns = round(truths[0].period * 1e9) if truths else 0
         self._origin_ns: int | None = None
         self._slot = 0

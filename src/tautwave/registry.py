@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, distributions
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -25,7 +25,6 @@ from tautwave.contracts import (
 )
 from tautwave.errors import ConfigError
 from tautwave.reading import digest_of
-from tautwave.truth import EnvironmentPlugin, HandPlugin
 from tautwave.wording import CouplingMessages
 
 DRIVERS = "tautwave.drivers"
@@ -34,7 +33,6 @@ COUPLINGS = "tautwave.couplings"
 CONTROLS = "tautwave.controls"
 ENVIRONMENTS = "tautwave.environments"
 HANDS = "tautwave.hands"
-PARTS = {COUPLINGS: CouplingPlugin, ENVIRONMENTS: EnvironmentPlugin, HANDS: HandPlugin}
 
 
 class Installed(NamedTuple):
@@ -140,11 +138,21 @@ def load_part(group: str, name: str) -> Any:
         As for `load_driver`; or the file does not exist, does not import, or has no `plugin`.
     """
     if not is_file_part(name):
-        return _load(group, name, PARTS[group])
+        return _load(group, name, _kind_of(group))
     plugin = getattr(_file_module(name, hash_part(name)), "plugin", None)
-    if not isinstance(plugin, PARTS[group]):
-        raise ConfigError(f"{name}: there is no `plugin`, a tautwave {PARTS[group].__name__}")
+    kind = _kind_of(group)
+    if not isinstance(plugin, kind):
+        raise ConfigError(f"{name}: there is no `plugin`, a tautwave {kind.__name__}")
     return plugin
+
+
+def _kind_of(group: str) -> type[Any]:
+    """Return what a part of a group is; a rig that simulates no such part loads no truth."""
+    if group == COUPLINGS:
+        return CouplingPlugin
+    from tautwave.truth import EnvironmentPlugin, HandPlugin
+
+    return EnvironmentPlugin if group == ENVIRONMENTS else HandPlugin
 
 
 def is_file_part(name: str) -> bool:
@@ -257,6 +265,16 @@ def require_modules(name: str) -> None:
         raise ConfigError(f"driver {name!r} needs {', '.join(missing)}; {remedy}")
 
 
+def entry_points() -> EntryPoints:
+    """Return the entry points of packages that name a group of ours; others are not parsed."""
+    found: dict[tuple[str, str], EntryPoint] = {}
+    for package in distributions():
+        if "[tautwave." in (package.read_text("entry_points.txt") or ""):
+            for point in package.entry_points:
+                found.setdefault((point.group, point.name), point)  # the first on the path
+    return EntryPoints(found.values())
+
+
 def _find(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name."""
     return _found(entry_points, group)
@@ -267,9 +285,8 @@ def _found(look_up: Callable[[], Any], group: str) -> dict[str, EntryPoint]:
     return {point.name: point for point in _installed(look_up).select(group=group)}
 
 
-@lru_cache(maxsize=2)  # every call reads the metadata of all installed packages: 5 ms
+@lru_cache(maxsize=2)  # every call reads files of all installed packages
 def _installed(look_up: Callable[[], Any]) -> Any:
-    """Return all entry points; until Python 3.12 they are no `EntryPoints`, but select alike."""
     return look_up()
 
 
@@ -324,7 +341,7 @@ def _describe_part(group: str, name: str, point: EntryPoint) -> Installed:
             plugin = load_control(name)
             import_module(plugin.config)
         else:
-            plugin = _load(group, name, PARTS[group])
+            plugin = _load(group, name, _kind_of(group))
             load_named(plugin.keys)
     except (ConfigError, ImportError) as err:
         return Installed(name, package, version, "", False, (str(err),))

@@ -15,6 +15,9 @@ NOISE, MISSING, OVERRUN, HAND, SENSOR = 0, 1, 2, 3, 4
 """Purposes; the last word of a seed."""
 
 
+SEED_WORD = 2**32
+"""Of a whole number what is below it is a word of a seed: NumPy's are not negative."""
+
 GRID = 8192
 """Frequencies of a colour's spectrum."""
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 HEAVY = {"numpy", "pydantic", "yaml", "rich", "mcap", "zstandard", "matplotlib", "scipy", "numba"}
 
@@ -28,6 +31,42 @@ def imported_by(*words: str) -> set[str]:
 def test_help_and_mistakes_import_nothing_heavy(words: tuple[str, ...]) -> None:
     modules = imported_by(*words)
     assert not HEAVY & {name.partition(".")[0] for name in modules}
+
+
+NEVER = {
+    *("numba", "scipy", "matplotlib", "rich", "mcap", "zstandard", "numpy.ma", "numpy.random"),
+    *("asyncio", "http", "subprocess", "multiprocessing"),
+    *("tautwave.simulation", "tautwave.sites", "tautwave.session.running"),
+}
+"""What no check of a rig needs: engines, viewers, files of runs, processes."""
+
+DEVICES = {
+    *("tautwave.truth", "tautwave.rig.truth", "tautwave.rig.assembly", "tautwave.rig.carrying"),
+    *("tautwave.runtime.loop", "tautwave.runtime.sensing", "tautwave.runtime.wire"),
+    *("tautwave.link.network", "tautwave_sim.axis", "tautwave_scenes", "xml", "difflib"),
+    *("tautwave.config.inputs.urdf", "tautwave.analysis.wave_port.admittance_loop"),
+}
+"""What only devices that move, arms, networks, scenes, or mistakes of a rig need."""
+
+
+@pytest.mark.parametrize(
+    ("rig", "unneeded"),
+    [
+        ("bench-position-coupling", DEVICES | {"tautwave.couplings.wave", "tautwave_drivers"}),
+        ("bench-1dof-loopback", DEVICES | {"tautwave.couplings.position", "tautwave_drivers"}),
+        pytest.param("bench-foam-loopback", DEVICES, marks=pytest.mark.slow),
+        pytest.param("network-loopback", DEVICES, marks=pytest.mark.slow),
+        pytest.param("xl330-pair", DEVICES | {"tautwave_sim"}, marks=pytest.mark.slow),
+        pytest.param("bench-canopen-virtual", {"tautwave_scenes", "xml"}, marks=pytest.mark.slow),
+        pytest.param("scene-net", {"tautwave_drivers", "xml", "difflib"}, marks=pytest.mark.slow),
+        pytest.param("scene-granular", {"tautwave_drivers"}, marks=pytest.mark.slow),
+        pytest.param("arms/six-seven", {"tautwave_scenes"}, marks=pytest.mark.slow),
+    ],
+)
+def test_a_check_imports_what_its_rig_needs(rig: str, unneeded: set[str]) -> None:
+    modules = imported_by("check", str(CONFIGS / f"{rig}.yaml"))
+    assert "tautwave.certificate" in modules
+    assert not (NEVER | unneeded) & modules
 
 
 def test_a_process_that_ends_does_not_look_for_cycles_of_objects() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import metadata
 from importlib.metadata import Distribution, EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,17 @@ def test_what_is_installed_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None
         registry.load_coupling("wave")
         registry.driver_names()
     assert sorted(asked) == [registry.COUPLINGS, registry.DRIVERS]
+
+
+@pytest.mark.installed
+def test_entry_points_are_those_that_importlib_finds() -> None:
+    """Files of packages that name no group of ours are not parsed: half of the time."""
+    groups = (registry.DRIVERS, registry.SIMULATORS, registry.COUPLINGS, registry.CONTROLS)
+    for group in groups:
+        wanted = {(point.name, point.value) for point in metadata.entry_points(group=group)}
+        assert {
+            (one.name, one.value) for one in registry.entry_points().select(group=group)
+        } == wanted
 
 
 class _Foreign(Distribution):

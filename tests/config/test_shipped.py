@@ -5,10 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tautwave.config import Pair, Rig, load_rig, simulation_of
+from tautwave.config import Pair, Rig, load, load_rig, simulation_of
+from tautwave.config.pieces import Parts, pieces_of, take_apart
+from tautwave.config.text.document import Document
 from tautwave.errors import ConfigError
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
@@ -38,6 +41,34 @@ def test_the_first_line_says_what_it_shows(path: Path) -> None:
     first = path.read_text().splitlines()[0]
     assert first.startswith("# ")
     assert len(first) > 40
+
+
+def _named(name: str) -> Any:
+    return pytest.param(name, marks=() if name in FEW else pytest.mark.slow)
+
+
+FEW = ("bench-foam-loopback", "network-loopback", "scene-net")
+
+
+@pytest.mark.parametrize("name", [_named(path.stem) for path in CONFIGS])
+def test_the_pieces_of_a_valid_rig_are_those_of_its_document(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is not valid is taken apart block by block, and checked by the same rules."""
+    both: list[tuple[Parts, Parts]] = []
+
+    def pieces(rig: Rig, document: Document, plugins: Any) -> Parts:
+        both.append((pieces_of(rig, document, plugins), take_apart(document, plugins)))
+        return both[-1][0]
+
+    monkeypatch.setattr(load, "pieces_of", pieces)
+    load_rig(CONFIGS[0].with_name(f"{name}.yaml"), choose=False)
+    ((whole, apart),) = both
+    if whole.coupling is not None:
+        whole = whole._replace(coupling=whole.coupling.model_copy(update={"pairs": {}}))
+    for one, other in zip(whole, apart, strict=True):
+        assert one == other
+        assert repr(one) == repr(other)  # their kinds and order too
 
 
 def test_belief_is_a_lower_bound_of_the_truth(rig: Rig) -> None:

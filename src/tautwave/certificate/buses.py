@@ -8,7 +8,6 @@ from tautwave.certificate.data import Element, Verdict
 from tautwave.config import Policy, Rig, bus_spec
 from tautwave.registry import load_driver
 from tautwave.rig.hands import stated_hand
-from tautwave.rig.operated.leading import RESERVES, hand_law
 from tautwave.types import CommandDelay
 
 
@@ -63,6 +62,8 @@ def policy_elements(rig: Rig, delays: Mapping[str, CommandDelay]) -> Iterator[El
 
 def _motor_hands(rig: Rig, fps: float, delays: Mapping[str, CommandDelay]) -> Iterator[Element]:
     """Yield what is known of the hands that masters' own motors play."""
+    from tautwave.rig.operated.leading import RESERVES, hand_law  # loads what runs them
+
     for name in rig.coupling.pairs:
         axis = f"master.{name}"
         effort, place = ("N m", "rad") if rig.axes[axis].kind == "rotary" else ("N", "m")

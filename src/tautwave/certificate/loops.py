@@ -17,7 +17,6 @@ from tautwave.analysis.grids import merged
 from tautwave.analysis.ports.loop_modes import least_damped, transfer
 from tautwave.analysis.ports.multirate import RatedEnd, least_damped_rated
 from tautwave.analysis.ports.sampled_loop import Device, LinearEnd, Site
-from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
 from tautwave.certificate.belief import (
     SIDES,
     Contact,
@@ -228,6 +227,8 @@ def believed_end(
     axis, delay = rig.axes[axis_name], delays[axis_name]
     keys = rig.coupling.pairs[name]
     if axis.inertia is None:
+        from tautwave.analysis.wave_port.admittance_loop import Outside, admittance_end
+
         held = Contact(0.0, 0.0, "") if contact is None else contact
         ends = end_constants(rig, axis_name, delay)
         mass = _hand_mass(rig, axis_name, contact)

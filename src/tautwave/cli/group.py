@@ -10,7 +10,6 @@ import os
 import shlex
 import signal
 import sys
-from difflib import get_close_matches
 from typing import Any, cast
 
 import click
@@ -21,6 +20,7 @@ from tautwave.errors import ConfigError, TautwaveError, WritingError
 from tautwave.files import create, reason
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # see `tautwave.session.certified`
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it looks through all packages
 
 DAILY = (
     "example", "new", "check", "run", "view", "scan", "sim", "calibrate", "accept", "identify",
@@ -120,6 +120,8 @@ class Commands(click.Group):
         """As in click, with a suggestion on a typing mistake."""
         name, known = args[0], self.list_commands(ctx)
         if name not in known and not name.startswith("-") and not ctx.resilient_parsing:
+            from difflib import get_close_matches
+
             near = get_close_matches(name, known, n=1, cutoff=0.5)
             hint = f"Did you mean {near[0]!r}?" if near else f"There are {', '.join(known)}."
             ctx.fail(f"No such command {name!r}. {hint}")

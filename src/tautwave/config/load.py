@@ -21,7 +21,7 @@ from tautwave.config.keys.rig import UNTIL_STOPPED_S, Rig
 from tautwave.config.law import certified_law, choose_law
 from tautwave.config.messages import unknown_key, validate
 from tautwave.config.older import take_older
-from tautwave.config.pieces import take_apart
+from tautwave.config.pieces import pieces_of, take_apart
 from tautwave.config.shipped import offer_example
 from tautwave.config.text.document import Document, open_document, read_text
 from tautwave.config.text.overrides import apply_overrides
@@ -116,7 +116,8 @@ def finish_rig(
         hooks.name_files(document)
     rig: Rig | None = validate(document, Rig)
     plugins = _check_drivers(document)
-    check_parts(document, take_apart(document, plugins))
+    parts = take_apart(document, plugins) if rig is None else pieces_of(rig, document, plugins)
+    check_parts(document, parts)
     if rig is not None and rig.simulation is not None and not document.problems:
         _check_simulators(document, plugins)
     if document.problems or rig is None:

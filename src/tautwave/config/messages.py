@@ -67,7 +67,9 @@ def read_model(text: str, name: str, kind: str, model: type[Any]) -> tuple[Docum
 
 
 def salvage(model: type[Any], value: Any) -> Any:
-    """Return `value` as a `model`, None if it is invalid; reports nothing."""
+    """Return `value` as a block, None if it is invalid or there is none; reports nothing."""
+    if not isinstance(value, dict):
+        return None  # the model, which takes milliseconds to build, would say so too
     try:
         return model.model_validate_json(json.dumps(value), strict=True)
     except ValidationError:

@@ -15,6 +15,7 @@ from tautwave.config.keys.control import ControlKeys
 from tautwave.config.keys.coupling import AnyLaw, AnyPair, Coupling, Pair, pair_block
 from tautwave.config.keys.devices import Axis, Bus
 from tautwave.config.keys.link import Link
+from tautwave.config.keys.rig import Rig
 from tautwave.config.keys.simulation import (
     AxisSimulation,
     EnvironmentPart,
@@ -110,6 +111,33 @@ def take_apart(document: Document, plugins: dict[str, DriverPlugin | None]) -> P
         environments=environments,
         scene=_scene(get(("scene",))),
         link=salvage(Link, get(("link",))),
+    )
+
+
+def pieces_of(rig: Rig, document: Document, plugins: dict[str, DriverPlugin | None]) -> Parts:
+    """Return what `take_apart` makes of the document of a valid rig, from the rig itself.
+
+    A model for each kind of piece is built for nothing else: a tenth of the reading of a small rig.
+    """
+    get, simulation = document.get, rig.simulation
+    return Parts(
+        rate_hz=rig.rate_hz,
+        duration_s=rig.duration_s,
+        buses=dict(rig.buses),
+        plugins=plugins,
+        sides={
+            side: dict(getattr(rig, side).axes)
+            for side in SIDES
+            if isinstance(get((side, "axes")), dict)
+        },
+        coupling=rig.coupling if isinstance(get(("coupling",)), dict) else None,
+        pairs=dict(rig.coupling.pairs) if isinstance(get(("coupling", "pairs")), dict) else None,
+        simulated=simulation is not None,
+        truths={} if simulation is None else dict(simulation.axes),
+        hands={} if simulation is None else dict(simulation.hand),
+        environments={} if simulation is None else dict(simulation.environment),
+        scene=rig.scene,
+        link=rig.link,
     )
 
 

@@ -1,6 +1,7 @@
 """Build the running objects from a rig: the only package that knows all others.
 
-What runs (`assembly`) is imported when it is first used: a check and a certificate need none of it.
+What runs or is simulated (`assembly`, `truth`) is imported when it is first used: a check and a
+certificate need none of it.
 """
 
 from importlib import import_module
@@ -36,15 +37,9 @@ from tautwave.rig.rates import (
     damper_reach,
     one_way_delay,
     standing_offset,
-)
-from tautwave.rig.scales import PairScale, end_energy, pair_scale, slave_offset
-from tautwave.rig.truth import (
-    SEED_WORD,
-    axis_integration,
-    axis_model,
-    foam_params,
     true_delay_s,
 )
+from tautwave.rig.scales import PairScale, end_energy, pair_scale, slave_offset
 from tautwave.rig.ways import (
     BusWay,
     Simulate,
@@ -61,9 +56,13 @@ from tautwave.rig.ways import (
 
 if TYPE_CHECKING:
     from tautwave.rig.assembly import Assembly, build_rig, cycles_in, make_clock
+    from tautwave.rig.truth import (
+        axis_integration,
+        axis_model,
+        foam_params,
+    )
 
 __all__ = [
-    "SEED_WORD",
     "Assembly",
     "BusWay",
     "LineDelay",
@@ -120,12 +119,15 @@ __all__ = [
     "without_truth",
 ]
 
-_RUNNING = ("Assembly", "build_rig", "cycles_in", "make_clock")
+_ASSEMBLY = ("Assembly", "build_rig", "cycles_in", "make_clock")
+_TRUTH = ("axis_integration", "axis_model", "foam_params")
+_HOMES = dict.fromkeys(_ASSEMBLY, "assembly") | dict.fromkeys(_TRUTH, "truth")
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _RUNNING:
+    home = _HOMES.get(name)
+    if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module("tautwave.rig.assembly"), name)
+    value = getattr(import_module(f"{__name__}.{home}"), name)
     globals()[name] = value
     return value

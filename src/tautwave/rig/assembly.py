@@ -17,7 +17,7 @@ from tautwave.rig.controller import follower_params, make_control
 from tautwave.rig.damping import damped
 from tautwave.rig.hooks import rig_hooks
 from tautwave.rig.led import pointed_hands
-from tautwave.rig.truth import SEED_WORD, axis_model
+from tautwave.rig.truth import axis_model
 from tautwave.rig.ways import BusWay, Way, bus_ways
 from tautwave.runtime.carrying.driver import CarryingDriver
 from tautwave.runtime.carrying.side import SideLoad
@@ -25,7 +25,7 @@ from tautwave.runtime.control import Control
 from tautwave.runtime.following import FollowingDriver
 from tautwave.runtime.loop import TIMING_COLUMNS
 from tautwave.runtime.sensing import LoopBus
-from tautwave.streams import OVERRUN, uniform_stream
+from tautwave.streams import OVERRUN, SEED_WORD, uniform_stream
 from tautwave.traffic import tapped
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay

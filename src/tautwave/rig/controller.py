@@ -28,7 +28,7 @@ from tautwave.rig.network import trace_of
 from tautwave.rig.parts import coupling_part
 from tautwave.rig.scales import pair_scale, slave_offset
 from tautwave.rig.support import compensation_params, inertia_params
-from tautwave.rig.truth import SEED_WORD
+from tautwave.streams import SEED_WORD
 from tautwave.types import CommandDelay
 
 if TYPE_CHECKING:
@@ -395,7 +395,6 @@ def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> C
     """
     # A certificate reads this module's constants, and runs nothing.
     from tautwave.runtime.control import CoupledControl
-    from tautwave.runtime.wire import Wire
 
     delays = {**delays, **{name: CommandDelay(0, 0.0) for name in rig.axes if name not in delays}}
     axes = tuple(delays)
@@ -418,5 +417,9 @@ def make_control(rig: Rig, delays: Mapping[str, CommandDelay], cycles: int) -> C
         table += floats
     run = run_params(rig, cycles, len(axes))
     names = axis_names(rig, axes)
-    wire = None if rig.link is None or rig.site is not None else Wire(pairs)
+    wire = None
+    if rig.link is not None and rig.site is None:
+        from tautwave.runtime.wire import Wire
+
+        wire = Wire(pairs)
     return CoupledControl(run, names, params, tuple(rig.coupling.pairs), pairs, table, law, wire)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from tautwave.config import Rig
+from tautwave.config import Rig, simulation_of
 from tautwave.registry import coupling_messages
 from tautwave.rig.network import line_delay
 from tautwave.types import CommandDelay, Damper
@@ -102,3 +102,17 @@ def damper_reach(rig: Rig, axis_name: str, damper: Damper, delay: CommandDelay) 
     period = rig.axis_period_s(axis_name)
     late_s = (1.0 + delay.periods) * period + delay.remainder_s + SETTLED * damper.filter_s
     return math.inf if limit is None else limit * late_s
+
+
+def true_delay_s(rig: Rig, axis_name: str, declared: CommandDelay) -> float:
+    """Return the true delay of a command in a simulation [s].
+
+    On a bus whose delay is an option, the truth gives all of it. On a bus with a protocol, the bus
+    itself causes the `declared` delay, and the truth is what the drive adds.
+    """
+    truth = simulation_of(rig, axis_name).command_delay_s
+    period = rig.axis_period_s(axis_name)
+    if "command_delay_s" in rig.buses[rig.axes[axis_name].bus].options:
+        # With a divisor a command first waits for the next exchange.
+        return max(truth, period) if rig.axis_divisor(axis_name) > 1 else truth
+    return truth + declared.periods * period + declared.remainder_s

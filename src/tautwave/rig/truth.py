@@ -40,9 +40,9 @@ from tautwave.motion import recorded_efforts, reference_positions
 from tautwave.recordings.stated import stated_in
 from tautwave.rig.arms import arm_chain, load_params
 from tautwave.rig.integration import Integrated, integrated
-from tautwave.streams import HAND
+from tautwave.streams import HAND, SEED_WORD
 from tautwave.truth import ArmModel, AxisModel, PositionLoop
-from tautwave.types import CommandDelay, Imposed
+from tautwave.types import Imposed
 
 if TYPE_CHECKING:
     from tautwave.runtime.operate.lead import Lead
@@ -52,22 +52,6 @@ POINTER_S = 1.0 / 60.0
 
 LIGHTEST = 1e-30
 """Inertia below which powers of rates and periods leave the range of floats, SI."""
-
-SEED_WORD = 2**32  # NumPy's seeds are not negative
-
-
-def true_delay_s(rig: Rig, axis_name: str, declared: CommandDelay) -> float:
-    """Return the true delay of a command in a simulation [s].
-
-    On a bus whose delay is an option, the truth gives all of it. On a bus with a protocol, the bus
-    itself causes the `declared` delay, and the truth is what the drive adds.
-    """
-    truth = simulation_of(rig, axis_name).command_delay_s
-    period = rig.axis_period_s(axis_name)
-    if "command_delay_s" in rig.buses[rig.axes[axis_name].bus].options:
-        # With a divisor a command first waits for the next exchange.
-        return max(truth, period) if rig.axis_divisor(axis_name) > 1 else truth
-    return truth + declared.periods * period + declared.remainder_s
 
 
 def axis_model(rig: Rig, axis_name: str, cycles: int) -> AxisModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from tautwave.contracts import Row
 from tautwave.controller.records import (
@@ -24,8 +25,10 @@ from tautwave.controller.slotted import all_slotted, slotted, with_views
 from tautwave.controller.steps import ALONE, Law
 from tautwave.controller.stops import AxisName, StopPlace, stop_error, stop_place
 from tautwave.errors import DeviceFault, TautwaveError
-from tautwave.runtime.wire import Wire
 from tautwave.types import SAFE_COMMAND, AxisCommand, JointState
+
+if TYPE_CHECKING:
+    from tautwave.runtime.wire import Wire
 
 
 class Control(ABC):

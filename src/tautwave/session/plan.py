@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from tautwave.config import Axis, EnvironmentPart, Hand, HandPart, Rig, Wall
 from tautwave.config import Pair as PairKeys
 from tautwave.registry import driver_names
-from tautwave.rig import axis_integration
 from tautwave.session.facts import coupling_messages
 from tautwave.session.hooks import session_hooks
 from tautwave.session.network import network_words, receiver_words
@@ -141,6 +140,8 @@ def _simulation(rig: Rig, clock: str) -> Iterator[PlanItem]:
         yield _item(f"environment of slave.{name}", kind != "free", kind, "free")
     keys = simulation.integrator
     if keys is not None:
+        from tautwave.rig.truth import axis_integration
+
         for name, axis in rig.axes.items():
             part = isinstance(simulation.environment.get(name.split(".")[1]), EnvironmentPart)
             if axis.causality == "impedance" and not (part and name.startswith("slave.")):

@@ -14,7 +14,7 @@ import numpy as np
 
 from tautwave.config import Rig
 from tautwave.errors import ConfigError
-from tautwave.rig import SEED_WORD, axis_params, pair_params
+from tautwave.rig import axis_params, pair_params
 from tautwave.simulation.kernel.pack import (
     Array,
     Job,
@@ -29,6 +29,7 @@ from tautwave.simulation.kernel.pack import (
 )
 from tautwave.simulation.kernel.records import DeviceParams, Tables
 from tautwave.simulation.kernel.tables import Form, image_of
+from tautwave.streams import SEED_WORD
 from tautwave.sweep.family import KEPT as FAMILIES
 from tautwave.sweep.family import Family, Values
 from tautwave.sweep.local_keys import AXIS, DEVICE, PAIR, Part

@@ -21,7 +21,7 @@ from tautwave.rig.controller import (
     controlled_axis,
     run_params,
 )
-from tautwave.rig.truth import SEED_WORD
+from tautwave.streams import SEED_WORD
 from tautwave.types import CommandDelay
 from tautwave_scenes.config.keys import Scene, SceneLink, SoundForce
 from tautwave_scenes.config.keys3d import Scene3d

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tautwave.config import Rig
-from tautwave.rig.truth import SEED_WORD
+from tautwave.streams import SEED_WORD
 from tautwave.types import CommandDelay
 from tautwave_scenes.config.keys3d import Link3d, Scene3d, Tissue3d, Vector, mesh_of, surface_keys
 from tautwave_scenes.models.tissue.mesh import Mesh, on_faces

@@ -25,7 +25,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numpy.polynomial import chebyshev
 
 from tautwave.analysis.exact.bounds import (
     Whole,
@@ -151,6 +150,7 @@ class LeakForm(NamedTuple):
 
     def values(self, theta: Floats) -> Floats:
         """Return the needed y at angles, in floats; shape (n,)."""
+        chebyshev = np.polynomial.chebyshev  # NumPy loads it when it is first used
         p, q, n = (_floats(part, self.q) for part in self)
         cosine = np.cos(theta)
         below = np.maximum(chebyshev.chebval(cosine, q), 1e-300)
@@ -191,6 +191,7 @@ class LeakForm(NamedTuple):
         )
         proposals = [self._climb(grid)]
         if not self.mixed and 3 < degree <= ALGEBRAIC:
+            chebyshev = np.polynomial.chebyshev
             p, q, _ = (_floats(part, self.q) for part in self)
             slope = chebyshev.chebsub(
                 chebyshev.chebmul(chebyshev.chebder(p), q),

@@ -22,7 +22,6 @@ from tautwave.rig.arms import (
     load_reserves,
     load_stiffnesses,
 )
-from tautwave.rig.carrying import felt_swing, payload_swing
 from tautwave.rig.rates import load_offset
 from tautwave.types import CommandDelay
 
@@ -47,6 +46,8 @@ def load_element(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -
 
 
 def _carried(rig: Rig, axis_name: str, delays: Mapping[str, CommandDelay]) -> Element:
+    from tautwave.rig.carrying import felt_swing, payload_swing  # loads what runs them
+
     axis, delay = rig.axes[axis_name], delays[axis_name]
     rotary = axis.kind == "rotary"
     unit, stiff = ("N m s/rad", "N m/rad") if rotary else ("N s/m", "N/m")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from typing import Any
 
@@ -58,7 +57,7 @@ def _check_presence(document: Document) -> None:
         return
     unknown = [str(key) for key in value if key not in Rig.model_fields]
     for key in ("slave", "coupling"):
-        misspelt = any(difflib.get_close_matches(word, [key], n=1) for word in unknown)
+        misspelt = any(nearest(word, [key]) for word in unknown)
         if key not in value and not misspelt:
             document.report((key,), "required key is missing")
 

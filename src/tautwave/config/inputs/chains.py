@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tautwave.config.inputs.arm_places import arm_places
 from tautwave.config.inputs.recordings import find_recording
-from tautwave.config.inputs.urdf import JointLimits, read_urdf
 from tautwave.config.keys.arm import Arm, Chain, DhRow
 from tautwave.config.text.document import Document
 from tautwave.models.chain.build import (
@@ -19,6 +19,9 @@ from tautwave.models.chain.build import (
 )
 from tautwave.models.chain.params import ChainParams
 
+if TYPE_CHECKING:
+    from tautwave.config.inputs.urdf import JointLimits
+
 
 def chain_links(keys: Chain) -> tuple[tuple[Link, ...], tuple[JointLimits, ...]]:
     """Return the links of a chain and the limits of its moving joints.
@@ -28,6 +31,8 @@ def chain_links(keys: Chain) -> tuple[tuple[Link, ...], tuple[JointLimits, ...]]
     ConfigError
         Its URDF file cannot be read, or holds no serial chain.
     """
+    from tautwave.config.inputs.urdf import JointLimits, read_urdf
+
     if keys.urdf is not None:
         urdf = read_urdf(Path(keys.urdf), keys.tip, keys.base, keys.held)
         return urdf.links, urdf.limits
@@ -47,6 +52,8 @@ def chain_notes(keys: Chain) -> tuple[str, ...]:
     """
     if keys.urdf is None:
         return ()
+    from tautwave.config.inputs.urdf import read_urdf
+
     return read_urdf(Path(keys.urdf), keys.tip, keys.base, keys.held).notes
 
 

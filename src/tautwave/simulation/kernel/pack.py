@@ -19,7 +19,6 @@ from tautwave.models.plant_params import plant_cache
 from tautwave.models.sensors.effort import NO_SENSOR
 from tautwave.models.servo import ServoParams
 from tautwave.rig import (
-    SEED_WORD,
     Assembly,
     axis_model,
     axis_names,
@@ -41,7 +40,7 @@ from tautwave.simulation.kernel.records import (
     DeviceParams,
     FakeParams,
 )
-from tautwave.streams import MISSING, NOISE, OVERRUN, SENSOR, normal_noise
+from tautwave.streams import MISSING, NOISE, OVERRUN, SEED_WORD, SENSOR, normal_noise
 from tautwave.truth import AxisModel
 from tautwave.types import CommandDelay
 
