@@ -144,7 +144,23 @@ def test_it_is_refused_with_why() -> None:
     other.name = "master"
     pass_slot(other, 0.0)
     assert "state the side" in take_payload([load, other], "box")[0]
-    assert take_payload([load, other], "master box") == ("box", False)
+    assert take_payload([load, other], "master box") == ("master box", False)
+
+
+def test_an_arm_may_be_named_though_no_other_has_payloads_and_a_record_says_whose() -> None:
+    load = side()
+    pass_slot(load, 0.0)
+    assert take_payload([load], "master box")[0] == "payload: state the side, slave (got 'master')"
+    assert take_payload([load], "slave box") == ("box", False)
+    pass_slot(load, 0.01)
+    said, _ = take_payload([load], "slave none")
+    assert "still being applied" in said
+    for _ in range(600):
+        pass_slot(load, 0.01)
+    pass_slot(load, 0.02)
+    said, _ = take_payload([load], "none")
+    assert said.endswith("or give `payload slave back` to undo the last change")
+    assert take_payload([load], "slave back") == ("back", False)
 
 
 def test_verdict_and_room_are_those_of_the_heaviest() -> None:

@@ -135,6 +135,16 @@ def test_what_is_asked_of_a_side_has_the_axes_of_all_its_arms() -> None:
     assert list(rig.simulation.arms) == [part.name for part in arm_parts(rig)]
 
 
+def test_a_truth_of_one_arm_is_set_by_its_plain_name() -> None:
+    rig = rig_of(tree(), "simulation.arms.slave.left.dh=[{}, {a: 0.3, mass: 0.2}]")
+    assert rig.simulation is not None
+    truth = rig.simulation.arms["slave.left"].dh
+    assert truth is not None
+    assert truth[1].mass == 0.2
+    with pytest.raises(ConfigError, match=r"the rig has no such arm; use master\.left"):
+        rig_of(tree(), "simulation.arms.slave.dh=[{}, {a: 0.3, mass: 0.2}]")
+
+
 def test_identification_moves_the_joints_of_one_arm() -> None:
     rig = rig_of(tree())
     found = arm_to_weigh(rig, "slave.right_bend")
@@ -167,7 +177,10 @@ def test_each_arm_takes_up_its_own_payload() -> None:
             load.pass_slots(which, 1)
             load.take(which, 0.2)
             load.effort(which)
-    assert take_payload(loads, "slave.left box") == ("box", False)
+    assert take_payload(loads, "slave.left box") == ("slave.left box", False)
+    said, refused = take_payload(loads, "slave.left box")
+    assert refused
+    assert said == "payload 'slave.left box': the previous payload is still being applied"
     by_name = {load.name: load for load in loads}
     held = {name: load.effort(1) for name, load in by_name.items()}
     for _ in range(600):

@@ -61,6 +61,12 @@ def test_names_signs_and_factors_are_taken(run: Run, tmp_path: Path) -> None:
     assert half.explained == pytest.approx(0.75)
 
 
+def test_what_does_not_vary_has_nothing_to_explain(run: Run, tmp_path: Path) -> None:
+    [still] = compare_recording(run, csv(tmp_path / "a.csv", t=T, slave_position=0.0 * Y))
+    assert still.explained is None
+    json.dumps(still.as_dict(), allow_nan=False)
+
+
 def test_what_is_missing_in_the_recording_is_not_compared(run: Run, tmp_path: Path) -> None:
     """A gap of 0.2 s, and as long without numbers: neither is made up."""
     shown = np.where((T >= 0.2) & (T < 0.4), np.nan, Y)
@@ -70,6 +76,7 @@ def test_what_is_missing_in_the_recording_is_not_compared(run: Run, tmp_path: Pa
     left = found.time_s
     assert not np.any(((left > 0.2) & (left < 0.398)) | ((left > 0.8) & (left < 0.998)))
     assert len(left) == pytest.approx(1100, abs=5)
+    assert found.explained is not None
     assert found.explained > 0.999
     none = csv(tmp_path / "b.csv", t=T, slave_position=np.nan * Y)
     with pytest.raises(ConfigError, match="fewer than two rows"):

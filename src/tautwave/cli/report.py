@@ -204,7 +204,7 @@ def _against(
                 quantity(ours, one.unit, 3),
                 significant(ours / recorded, 3) if recorded else "-",
                 quantity(apart, one.unit, 3),
-                f"{max(one.explained, 0.0):.0%}",
+                "-" if one.explained is None else f"{max(one.explained, 0.0):.0%}",
             )
         )
     heads = ("rms of", ">recorded", ">this run", ">ratio", ">difference", ">explained")

@@ -42,10 +42,10 @@ class Compared(NamedTuple):
         return _rms(self.recorded), _rms(self.ours), _rms(self.ours - self.recorded)
 
     @property
-    def explained(self) -> float:
-        """Share of the recorded variance that the run explains; below 0: none."""
+    def explained(self) -> float | None:
+        """Share of the recorded variance that the run explains; below 0: none, None without any."""
         spread = float(np.var(self.recorded))
-        return 1.0 - float(np.var(self.ours - self.recorded)) / spread if spread else float("nan")
+        return 1.0 - float(np.var(self.ours - self.recorded)) / spread if spread else None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

@@ -71,7 +71,7 @@ def _put(document: Document, keys: list[_Word], parsed: Parsed, argument: str) -
     path: KeyPath = ()
     while True:
         key: Any
-        key, keys = _next_key(node, path, keys)
+        key, keys = _next_key(document, node, path, keys)
         path = (*path, key)
         if isinstance(node, list) and key == len(node):
             node.append(None)
@@ -90,8 +90,10 @@ def _put(document: Document, keys: list[_Word], parsed: Parsed, argument: str) -
             )
 
 
-def _next_key(node: Any, path: KeyPath, keys: list[_Word]) -> tuple[str | int, list[_Word]]:
-    """Return the key that `keys` starts with: the longest dotted name that exists."""
+def _next_key(
+    document: Document, node: Any, path: KeyPath, keys: list[_Word]
+) -> tuple[str | int, list[_Word]]:
+    """Return the key that `keys` starts with: the longest dotted name that exists, or may."""
     first = keys[0]
     if isinstance(node, list):
         if not first.text.isascii() or not first.text.isdigit() or len(first.text) > 6:
@@ -104,10 +106,18 @@ def _next_key(node: Any, path: KeyPath, keys: list[_Word]) -> tuple[str | int, l
             if any(word.quoted for word in keys[:count]):
                 continue
             name = ".".join(word.text for word in keys[:count])
-            new_axis = path == ("simulation", "axes") and count == 2
-            if name in node or (new_axis and first.text in ("master", "slave")):
+            sided = count == 2 and first.text in ("master", "slave")
+            new_axis = sided and path == ("simulation", "axes")
+            new_arm = sided and path == ("simulation", "arms") and _is_arm(document, keys)
+            if name in node or new_axis or new_arm:
                 return name, keys[count:]
     return first.text, keys[1:]
+
+
+def _is_arm(document: Document, keys: list[_Word]) -> bool:
+    """Return whether the first two words are a side, and one of its several arms."""
+    arms = document.get((keys[0].text, "arms"))
+    return isinstance(arms, dict) and keys[1].text in arms
 
 
 def _mark(document: Document, path: KeyPath, parsed: Parsed, argument: str) -> None:

@@ -175,7 +175,8 @@ class SideLoad:
         if self._left:
             return "the previous payload is still being applied"
         if any(abs(s) > axis.still for s, axis in zip(self._stride, self.axes, strict=True)):
-            back = ", or give `back` to undo the last change" if self._returns else ""
+            undo = f", or give `payload {self.name} {UNDO_PAYLOAD}` to undo the last change"
+            back = undo if self._returns else ""
             return f"{self._arm} is moving; keep it still{back}"
         self._before, self._loads = self._loads, self.others[payload]
         self._left = self._ramp = self._take
@@ -274,18 +275,19 @@ class SideLoad:
 def take_payload(loads: Sequence[SideLoad], argument: str) -> tuple[str, bool]:
     """Do what the command `payload` asks for: return what to note, and whether it was refused.
 
-    `argument` is the payload's name, after that of its side where both have payloads.
+    `argument` is the payload's name; that of its arm comes before it, and may be left out where no
+    other has payloads. What is noted has it wherever another has.
     """
-    sides = [side for side in loads if side.others]
+    sides = {side.name: side for side in loads if side.others}
     if not sides:
         return "payload: no arm in the rig defines `payloads`", True
-    first, _, rest = argument.partition(" ")
-    if len(sides) > 1:
-        sides = [side for side in sides if side.name == first]
-        argument = rest.strip()
-    if not sides:
-        names = " or ".join(side.name for side in loads if side.others)
-        what = "arm" if "." in names else "side"
-        return f"payload: state the {what}, {names} (got {first[:40]!r})", True
-    why = sides[0].take_up(argument)
-    return (f"payload {argument[:40]!r}: {why}", True) if why else (argument, False)
+    first, _, payload = argument.partition(" ")
+    if not payload and len(sides) == 1:
+        first, payload = next(iter(sides)), argument
+    payload = payload.strip()
+    if first not in sides:
+        what = "arm" if any("." in name for name in sides) else "side"
+        return f"payload: state the {what}, {' or '.join(sides)} (got {first[:40]!r})", True
+    why = sides[first].take_up(payload)
+    note = payload if len(sides) == 1 else f"{first} {payload}"
+    return (f"payload {note[:60]!r}: {why}", True) if why else (note, False)
