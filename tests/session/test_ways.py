@@ -136,6 +136,18 @@ def test_a_bus_that_nothing_answers_on_is_refused_before_anything_is_opened(name
         build_rig(rig)
 
 
+def test_two_buses_do_not_drive_the_same_devices() -> None:
+    at = [f"buses.follower_{arm}.options.interface=socketcan" for arm in ("left", "right")]
+    at += [f"buses.follower_{arm}.options.channel=can2" for arm in ("left", "right")]
+    name = "arms/openarm-bimanual"
+    said = "bus follower_right: it is at socketcan:can2, as bus follower_left is, and both have a"
+    with pytest.raises(ConfigError, match=said):
+        bus_ways(rig_of(name, *at))
+    apart = bus_ways(rig_of(name, *at[:3], "buses.follower_right.options.channel=can3"))
+    assert apart["follower_left"].way is apart["follower_right"].way is Way.HARDWARE
+    assert bus_ways(rig_of(name, *at), simulate=True)["follower_left"].way is not Way.HARDWARE
+
+
 def test_hardware_has_no_simulated_truth() -> None:
     rig = rig_of(MIXED, "buses.hand.options.port=/dev/ttyNONE")
     taken = as_taken(rig, bus_ways(rig))

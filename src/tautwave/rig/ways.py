@@ -131,8 +131,8 @@ def bus_ways(
     Raises
     ------
     ConfigError
-        Nothing would respond on a bus, there is no such bus, or nothing to
-        attach to.
+        Nothing would respond on a bus, there is no such bus, nothing to
+        attach to, or two buses would drive the same devices.
     """
     fake = clock == "fake"
     _refuse_nonsense(rig, fake, simulate, attach)
@@ -145,6 +145,7 @@ def bus_ways(
             problems.append(_nothing_answers(rig, name, fake))
         else:
             ways[name] = chosen
+    problems += _driven_twice(rig, ways)
     if problems:
         raise ConfigError(problems)
     if attach and not any(chosen.way is Way.ELSEWHERE for chosen in ways.values()):
@@ -154,6 +155,25 @@ def bus_ways(
             + ("; give --simulate too" if _names_hardware(ways) else "")
         )
     return ways
+
+
+def _driven_twice(rig: Rig, ways: Mapping[str, BusWay]) -> list[str]:
+    """Say which hardware two buses would drive at once: devices of one number at one endpoint."""
+    driven: dict[tuple[str, str, int], str] = {}
+    problems = []
+    for name, way in ways.items():
+        if way.way is not Way.HARDWARE or not way.endpoint:
+            continue
+        driver = rig.buses[name].driver
+        places = [(driver, way.endpoint, one.id) for one in rig.axes.values() if one.bus == name]
+        twice = [place for place in places if driven.get(place, name) != name]
+        if twice:
+            problems.append(
+                f"bus {name}: it is at {way.endpoint}, as bus {driven[twice[0]]} is, and both have "
+                f"a device {twice[0][2]}, which would be driven twice; give each its own"
+            )
+        driven.update(dict.fromkeys(places, name))
+    return problems
 
 
 def _refuse_nonsense(rig: Rig, fake: bool, simulate: Simulate, attach: bool) -> None:
