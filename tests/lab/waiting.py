@@ -34,7 +34,7 @@ STAMPED = """
 import json, sys, time
 from tautwave.runtime.loop import Loop
 from tautwave.cli import main
-where = sys.argv[-1]
+where = sys.argv.pop()
 run = Loop.run
 def stamped(self):
     began = time.monotonic()
@@ -44,7 +44,7 @@ def stamped(self):
         with open(where, "w") as file:
             json.dump([began, time.monotonic()], file)
 Loop.run = stamped
-main(args=sys.argv[1:-1], prog_name="tautwave")
+main(prog_name="tautwave")  # with the arguments of the process, as on a terminal
 """
 """A run that leaves the times at which its motion began and ended in the file named last."""
 
