@@ -78,6 +78,16 @@ def test_a_held_effort_is_filtered_exactly_and_may_be_late() -> None:
         np.testing.assert_allclose(late[10:], 0.5 + delay, atol=1e-6)
 
 
+def test_what_a_filter_makes_of_a_sample_does_not_depend_on_how_long_the_recording_is() -> None:
+    kernel = Kernel(PERIOD, 30.0)
+    signal = np.sin(0.01 * np.arange(40_000.0) ** 1.1)
+    whole = kernel.apply(signal)
+    for begin in range(0, 39_000, 3_000):
+        part = kernel.apply(signal[begin : begin + 1_000])
+        np.testing.assert_allclose(whole[begin : begin + len(part)], part, atol=1e-12)
+    assert len(whole) == len(signal) - 2 * kernel.half
+
+
 def test_hunt_crossley_by_nonlinear_least_squares_is_exact_and_the_logarithm_is_not() -> None:
     rng = np.random.default_rng(1)
     depth, rate = rng.uniform(1e-4, 0.01, 2000), rng.uniform(-0.025, 0.025, 2000)

@@ -220,3 +220,19 @@ def test_modes_are_computed_up_to_the_longest_line(
     found = certified("coupling.delay_s=0.005", name="bench-1dof-2khz")
     radii = [case.radius for case in found.loops[0].cases]
     assert all(math.isfinite(radius) is judged for radius in radii)
+
+
+@pytest.mark.usefixtures("without_advice")
+@pytest.mark.parametrize(
+    "change",
+    [
+        "simulation.axes.slave.lever.damping=1.0e-3",
+        "simulation.axes.slave.lever.inertia=1.0e-4",
+        f"{PAIR}.wave_filter_hz=",
+    ],
+)
+def test_a_port_that_is_refused_is_named_once(change: str) -> None:
+    found = element(certified(change), "slave.lever port")
+    assert not found.passive.passed
+    assert found.passive.reason.split("slave.lever port")[0] == ""
+    assert found.passive.reason.count("slave.lever port: ") == 1

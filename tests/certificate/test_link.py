@@ -71,6 +71,12 @@ def test_the_delay_to_expect(changes: tuple[str, ...], way: int, play_out: int) 
     assert found == (way, play_out, False)
 
 
+@pytest.mark.parametrize("delay_s", [0.0, 0.004, 0.05])
+def test_the_delay_of_a_constant_line_is_exact_and_all_on_the_way(delay_s: float) -> None:
+    plain = rig(f"coupling.delay_s={delay_s}")
+    assert line_delay(plain) == (round(delay_s / plain.period_s), 0, True)
+
+
 def test_a_recorded_path_is_measured(tmp_path: Path) -> None:
     trace = tmp_path / "path.csv"
     delays = [0.004] * 95 + [0.012] * 5

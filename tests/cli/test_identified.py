@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tautwave.cli.terminal.identified import device_sections, lever_sections
+from tautwave.cli.terminal.identified import device_sections, lever_sections, noise_sections
 from tautwave.cli.terminal.moving import moved
 from tautwave.config import load_rig
 from tautwave.errors import ConfigError
@@ -65,6 +65,21 @@ def test_a_recorded_lever(place: str) -> None:
     rows = rows_of(lever_sections(result, (place, UNITS[place][0]), PICTURE))
     assert rows["encoder step"][0] == "none"
     assert "effort per unit of f_s" not in rows
+
+
+def test_noise_is_as_like_the_sample_before_as_its_first_lag_says() -> None:
+    result = SimpleNamespace(
+        fit=SimpleNamespace(
+            quantum=2e-5, levels=7, deviation=estimate(1e-5), drift=0.0,
+            autocorrelation=[0.75, 0.5, 0.25], lag_error=0.01, samples=8000,
+        ),
+        series=SimpleNamespace(period=1e-3, source="still.csv", position_name="x"),
+        as_dict=lambda: {"snippet": "position_noise: 1e-5"}, notes=[],
+    )  # fmt: skip
+    rows = rows_of(noise_sections(result, "rad", PICTURE))
+    assert rows["autocorrelation, lag 1"][:2] == ("0.750", "+- 0.01 at most")
+    result.fit.autocorrelation = None  # too few steps of the encoder to tell
+    assert "autocorrelation, lag 1" not in rows_of(noise_sections(result, "rad", PICTURE))
 
 
 @pytest.mark.parametrize("place", UNITS)

@@ -154,6 +154,20 @@ def test_a_guided_procedure_wraps_sentences_and_replaces_numbers() -> None:
     assert last == "well done\n"
 
 
+def test_a_guided_procedure_is_seen_before_it_goes_on() -> None:
+    main, side = pty.openpty()
+    os.set_blocking(main, False)
+    try:
+        with open(side, "w", buffering=8192, encoding="utf-8", closefd=False) as out:
+            screen = Screen(out)
+            for write, text in ((screen.say, "bring j1 to zero"), (screen.show, "j1 +0.1")):
+                write(text)
+                assert text in os.read(main, 1000).decode()
+    finally:
+        os.close(main)
+        os.close(side)
+
+
 def test_a_guided_procedure_in_a_pipe_is_one_line_a_sentence() -> None:
     out = io.StringIO()
     screen = Screen(out)

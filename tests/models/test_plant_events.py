@@ -120,6 +120,26 @@ def test_the_first_rise_is_the_first(
                 below = below or g < -tiny
 
 
+@pytest.mark.parametrize("rate", [10.0, 100.0, 1e3, 1e4])
+def test_a_short_rise_is_found_at_every_scale_of_time(rate: float) -> None:
+    """A swing on a drift: up for a moment, far down, up again; it ends below where it began.
+
+    Its velocity is 0.6 + cos(rate t + phase), least half way through the longest span.
+    """
+    phase = math.pi - 1.25
+    span = isolation_limit(rate**2, 0.0, 1.0, math.inf)
+    crest = 0.9 * (1.25 - math.acos(0.6)) / rate
+
+    def moved(t: float) -> float:
+        return 0.6 * t + (math.sin(rate * t + phase) - math.sin(phase)) / rate
+
+    rise = 0.5 * crest
+    assert moved(span) < 0.0 < moved(rise) < moved(crest)
+    v, net, slope = 0.6 + math.cos(phase), -rate * math.sin(phase), 0.6 * rate**2
+    t = first_rise(rate**2, 0.0, 1.0, v, net, slope, 1.0, 0.0, -moved(rise), span)
+    assert t == pytest.approx(rise, rel=1e-9)
+
+
 @settings(max_examples=tried(100))
 @given(
     k=st.sampled_from([0.0, 50.0, 1e4, 1e7]),

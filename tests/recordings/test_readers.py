@@ -169,6 +169,18 @@ def test_every_kind_of_file_has_the_same_numbers(tmp_path: Path, kind: str) -> N
     np.testing.assert_allclose(found[effort], F, atol=close)
 
 
+def test_what_holds_no_numbers_in_a_matlab_file_is_no_column(tmp_path: Path) -> None:
+    """An empty matrix is stored as its size, a cell as references to what is in it."""
+    h5py: Any = pytest.importorskip("h5py")
+    path, *_ = mat73(tmp_path)
+    names = column_names(path)
+    with h5py.File(path, "r+") as file:
+        file["empty"] = np.array([0, 3], dtype=np.uint64)
+        file["empty"].attrs["MATLAB_empty"] = np.uint8(1)
+        file["cell"] = np.array([[file["t"].ref, file["t"].ref]], dtype=h5py.ref_dtype)
+    assert column_names(path) == names
+
+
 @pytest.mark.parametrize("kind", ["headless timeless", "lerobot 3.0", "bag db3", "npz"])
 def test_a_rig_plays_every_kind_of_file(tmp_path: Path, kind: str) -> None:
     path, stated, position, _ = KINDS[kind](tmp_path)

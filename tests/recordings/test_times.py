@@ -10,7 +10,13 @@ import pytest
 from tautwave.errors import ConfigError
 from tautwave.recordings.columns import read_columns
 from tautwave.recordings.stated import Stated
-from tautwave.recordings.times import LONGEST_STEP_S, UNITS, named_unit, time_columns
+from tautwave.recordings.times import (
+    LONGEST_STEP_S,
+    UNITS,
+    named_unit,
+    time_columns,
+    unit_of_times,
+)
 
 X = np.sin(np.arange(60.0))
 DATE = 1.7e9
@@ -72,6 +78,20 @@ def test_a_slow_recording_is_read_when_that_is_stated(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="or `s` where it was recorded that slowly"):
         read_columns(path, ["x"], "t", notes=[])
     assert read_columns(path, ["x"], "t", stated=Stated("s"))["t"][1] == 5.0
+
+
+@pytest.mark.parametrize(
+    ("column", "begin", "unit"),
+    [("t", 0.0, "s"), ("t_s", 0.0, "s"), ("time_ns", 0.0, "ns"), ("t", DATE * 1e9, "ns")],
+)
+def test_the_longest_step_is_still_one_of_its_unit_however_that_is_known(
+    column: str, begin: float, unit: str
+) -> None:
+    step = LONGEST_STEP_S / UNITS[unit]
+    assert step * UNITS[unit] == LONGEST_STEP_S
+    assert unit_of_times(Path("log.csv"), column, np.array([begin, begin + step]), None)[0] == unit
+    with pytest.raises(ConfigError, match="with steps of"):
+        unit_of_times(Path("log.csv"), column, np.array([begin, begin + 1.01 * step]), None)
 
 
 @pytest.mark.parametrize(

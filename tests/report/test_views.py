@@ -91,6 +91,11 @@ def test_the_offset_of_the_line_is_that_of_the_effort_held(run, columns):
     assert 0.8 * greatest < reported <= greatest
 
 
+def test_a_run_lasts_from_its_first_row_to_its_last(run, columns):
+    time = columns["time_s"]
+    assert rebuild_summary(run)["duration_s"] == time.max() - time.min()
+
+
 def test_periods_count_lateness_only_on_the_grid():
     late = {"lateness_us": np.array([0.0, 30.0, 10.0])}
     grid = np.array([0.0, 0.001, 0.003])

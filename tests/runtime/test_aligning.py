@@ -84,6 +84,24 @@ def test_a_second_way_has_a_budget_beside_what_the_first_one_took() -> None:
     assert made.pulls[0].budget == pytest.approx(0.2 + made.granted - first)
 
 
+@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("stands", [True, False])
+def test_it_has_arrived_once_slaves_are_there_and_everything_stands(
+    there: bool, stands: bool
+) -> None:
+    made = alignment(0.015, reach=0.01)  # as near as pairs engage, and not yet where it is sent
+    made.begin(0, keep_offset=False)
+    made.start(0)
+    if there:
+        made._axes[1].position = made.pulls[0].reference = made.pulls[0].target
+    found = []
+    for slot in range(100, 600, 100):
+        made._axes[1].position += 0.0 if stands else 0.008 * (-1.0) ** (slot // 100)
+        found.append(made.arrived(slot))
+    assert found[-1] == (there and stands)
+    assert any(found) == (there and stands)
+
+
 def test_a_master_that_never_stays_is_followed_so_many_times_and_then_blocks() -> None:
     made = alignment(0.5)
     made.begin(0, keep_offset=False)

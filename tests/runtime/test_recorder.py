@@ -363,6 +363,21 @@ def test_a_writer_that_cannot_start_is_one_sentence(
         recorder.start()
 
 
+@pytest.mark.parametrize(
+    ("end", "how"),
+    [("exit 0", "ended with exit code 0"), ("exit 3", "ended with exit code 3"),
+     ("kill -KILL $$", "was killed by SIGKILL")],
+)  # fmt: skip
+def test_a_writer_that_ends_early_is_told_as_it_ended(tmp_path: Path, end: str, how: str) -> None:
+    recorder = make(tmp_path / "r.mcap")
+    pipe = subprocess.PIPE
+    with subprocess.Popen(["/bin/sh", "-c", end], stdin=pipe, stdout=pipe) as writer:
+        recorder._writer = writer
+        writer.wait()
+        assert str(recorder.problem()).startswith(f"the recording's writer {how}; 0 rows are in ")
+        recorder.close()
+
+
 def test_wrong_arguments_are_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="needs a column 'time_s'"):
         make(tmp_path / "r.mcap", ("a",))

@@ -131,6 +131,18 @@ def test_the_resonator_is_stable_but_not_passive_and_says_so():
     assert "unstable with" in reported.sentences()[0]
 
 
+@pytest.mark.parametrize("hertz", [7.0, 450.0])
+def test_a_mode_is_told_in_hertz(monkeypatch, hertz):
+    """In a period T a mode of f Hz turns by 2 pi f T, whatever else there is."""
+    rig = load_rig(CONFIGS / "scene-resonator.yaml")
+    turned = 0.9 * np.exp(2j * math.pi * hertz * rig.period_s)
+    poles = np.array([0.1, turned, turned.conjugate()])
+    monkeypatch.setattr("tautwave_scenes.certificate.verdict.loop_poles", lambda *_: poles)
+    (loop,) = certify(rig).loops
+    assert [case.frequency for case in loop.cases] == pytest.approx([hertz] * len(loop.cases))
+    assert f"is at {hertz:.4g} Hz" in loop.verdict.reason
+
+
 def test_nonlinear_links_are_named_as_conditions():
     for name in ("granular", "string", "drum"):
         reported = certify(load_rig(CONFIGS / f"scene-{name}.yaml"))

@@ -78,6 +78,10 @@ class Device:
         if self.gone:
             raise OSError(errno.ENODEV, "No such device")
         kind = code & 0xFF
+        if kind in (9, 15, 17):  # of a buffer it is said which one, of what kind, and where
+            kinds = *struct.unpack_from("<4xI", block), *struct.unpack_from("<60xI", block)
+            assert kinds == (1, 1), "a picture, in memory that the kernel maps"
+            assert not any(block[8:60] + block[64:]), "what is not used yet has to be zero"
         if kind == 0:
             struct.pack_into("<II", block, 84, self.capabilities, 0x04200001)
         elif kind == 5:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import datetime
 import json
 import os
@@ -13,7 +14,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from websockets.asyncio.client import connect
@@ -26,7 +27,7 @@ from tautwave.runtime.tap import Live
 from tautwave.view import viewers
 from tautwave.view.facts import facts_of
 from tautwave.view.guard import Door, open_door
-from tautwave.view.server import Server
+from tautwave.view.server import SOUND, Server
 from tautwave.view.viewers import Viewer
 from tautwave.view.watched import Watched
 from tests.view.served import BENCH, Run
@@ -170,3 +171,23 @@ def test_a_page_draws_the_walls_of_a_rig_and_none_of_others() -> None:
     for more, walls in (((), [-0.32, -0.28]), ((BARE,), [None, None])):
         [pair] = facts_of(live, load_rig(BENCH, more))["pairs"]
         assert [pair["sides"][side]["wall"] for side in ("master", "slave")] == walls
+
+
+@pytest.mark.parametrize("made", [b"RIFF of a string", None])
+def test_pages_get_the_sound_of_a_scene_that_they_played_where_there_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, made: bytes | None
+) -> None:
+    door = Door("127.0.0.1", 0, None, "")
+    server = Server(tmp_path, door, lambda url: None, starter=os.getpid())  # no parent of ours
+    scene: Any = SimpleNamespace(scene="a string")
+    run: Any = SimpleNamespace(facts={"pointer": "stylus"})
+    server.rig, server.run = scene, run
+    told: list[tuple[str, dict[str, str]]] = []
+    page = Viewer(cast(Any, None), server)
+    monkeypatch.setattr(page, "tell", lambda word, **more: told.append((word, more)))
+    server.viewers[page] = None
+    if made is not None:
+        (tmp_path / SOUND).write_bytes(made)
+    asyncio.run(server._give_sound())
+    heard = [base64.b64decode(more["wav"]) for word, more in told if word == "sound"]
+    assert heard == ([] if made is None else [made])
