@@ -225,11 +225,12 @@ def test_what_goes_to_and_fro_between_two_samples_is_counted(delay: int, late: f
         assert hand.given <= hand.axis.hand.allowance
 
 
+@pytest.mark.parametrize("lost", [0, 7])
 @pytest.mark.parametrize(("delay", "late"), [(0, 0.4), (1, 0.0), (2, 0.4)])
 def test_a_reference_that_lets_go_brings_nothing_while_its_last_effort_acts(
-    delay: int, late: float
+    delay: int, late: float, lost: int
 ) -> None:
-    """Not even where the samples at its end are lost: it goes to the device one period later."""
+    """Not even where the samples at its end are lost: it goes to the device at one that is seen."""
     hand, s, sent = hand_of(delay, late), AxisState(valid=True), [0.0] * (delay + 1)
     hand.axis = hand.axis._replace(hand=hand.axis.hand._replace(release=1.0))  # at once
 
@@ -245,12 +246,12 @@ def test_a_reference_that_lets_go_brings_nothing_while_its_last_effort_acts(
     assert sent[200 + delay] > 0.0 == sent[201 + delay]
     before, seen, kept = hand.given, len(sent) - delay - 2, hand.reference
     s.valid = False
-    for _ in range(seen, 201 + delay):
+    for _ in range(seen, 201 + delay + lost):
         decide(False)
         assert hand.reference == kept > 1e-3
     s.valid, s.position = True, 0.01
     decide(False)
-    acts = [late * sent[n] + (1.0 - late) * sent[n + 1] for n in range(seen, 202 + delay)]
+    acts = [late * sent[n] + (1.0 - late) * sent[n + 1] for n in range(seen, 202 + delay + lost)]
     mean = sum(acts) / len(acts)
     off = sum(abs(act - mean) for act in acts) * hand.axis.fastest * T
     assert hand.given == pytest.approx(before + mean * s.position + off)

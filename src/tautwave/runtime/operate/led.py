@@ -122,7 +122,7 @@ class MotorHand(Lead):
             _, self._rate = self.aim(s.position)
             self._loose = 0
         else:
-            self._let_go(s.position)
+            self._let_go(s)
         if s.dead:
             self.effort = 0.0
         elif s.valid:
@@ -141,8 +141,12 @@ class MotorHand(Lead):
         self._beside = s.command
         self._armed = True
 
-    def _let_go(self, position: float) -> None:
-        """Lower the grip and come to rest with it; without a grip, be where the device is."""
+    def _let_go(self, s: AxisState) -> None:
+        """Lower the grip and come to rest with it; without a grip, be where the device is.
+
+        It goes there at a sample, which has booked what acted before: else the way there would
+        count as brought by efforts that were over.
+        """
         release = self.axis.hand.release
         if self._grip > release:
             self._rate *= 1.0 - release / self._grip
@@ -151,8 +155,8 @@ class MotorHand(Lead):
         else:
             self._grip = self._rate = 0.0
         self._loose = 0 if self._grip or self.effort else self._loose + 1
-        if self._loose > self.axis.delay + 1:
-            self._reference = position
+        if s.valid and self._loose > self.axis.delay + 1:
+            self._reference = s.position
 
     def _quicken(self, slots: int) -> None:
         """Raise the reference's speed limit, up to its own."""
