@@ -66,7 +66,7 @@ class DriverBase(ABC):
             self._recorded.append((kind.value or _nothing, owner))
 
     def fill(self, row: Row, at: int) -> None:
-        """Write what `record` was told of into `row` from index `at` on."""
+        """Write the values of the columns given to `record` into `row` from index `at` on."""
         for place, (value, owner) in enumerate(self._recorded, at):
             row[place] = value(owner)
 

@@ -170,7 +170,7 @@ class Group:
     def receive_some(self, most: int) -> list[GroupFrame]:
         """Return frames of others that have arrived, oldest first, `most` at most.
 
-        A datagram that is no frame is passed over.
+        A datagram that does not hold a frame is passed over.
 
         Raises
         ------

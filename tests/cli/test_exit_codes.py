@@ -209,12 +209,17 @@ def test_report_on_a_full_disk_is_one_sentence_and_keeps_the_old_page(tmp_path: 
 
 
 @pytest.mark.slow
-def test_output_to_a_full_disk_is_one_sentence_too(tmp_path: Path) -> None:
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_to_a_full_disk_is_one_sentence_too(unbuffered: str) -> None:
+    """Also where Python keeps what it could not write: it tries again at its end."""
     command = [sys.executable, "-c", RUN, "drivers"]
+    kept = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        done = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=kept
+        )
     assert done.returncode == 7
-    assert done.stderr.startswith("output: cannot be written: No space left on device\n")
+    assert done.stderr == "output: cannot be written: No space left on device\n"
 
 
 @pytest.mark.slow

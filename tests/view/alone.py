@@ -368,7 +368,9 @@ def main(directory: Path, looked_at: bool) -> None:
         found["wide"] = []
         for width in (1400, 420):
             browser.look(width, 1000, dark=False)
-            found["wide"].append(browser.run("document.documentElement.scrollWidth") - width)
+            wide = "document.documentElement.scrollWidth"
+            browser.wait(f"{wide} <= {width}", 20.0)  # then curves are drawn anew
+            found["wide"].append(browser.run(wide) - width)
         browser.look(1400, 1000, dark=False)
         found["overprints"] = browser.run(OVERPRINTS)
         found["grains"] = browser.run(GRAINS)

@@ -158,6 +158,8 @@ class Commands(click.Group):
                 ctx.exit(128 + signal.SIGPIPE)
             if isinstance(err, OSError) and err.errno in NO_ROOM:
                 where = "output" if err.filename is None else str(err.filename)
+                if err.filename is None:
+                    drop(sys.stdout)
                 _say(f"{where}: cannot be written: {reason(err)}")
                 ctx.exit(WritingError.exit_code)
             if isinstance(err, OSError) and err.errno in NO_WAY and err.filename is not None:

@@ -82,7 +82,7 @@ def fill_no_signals(out: Row, at: int, s: AxisState, p: AxisParams) -> int:
 
 
 def no_value(s: AxisState, p: AxisParams) -> float:
-    """Have no number."""
+    """Return 0 where a law has no value to give."""
     return 0.0
 
 

@@ -16,7 +16,6 @@ from tautwave.config import Rig, parse_rig
 from tautwave.config.keys.coupling import STANDARD_LAW
 from tautwave.errors import ConfigError
 from tautwave.registry import coupling_messages
-from tautwave.report.columns import Described, described
 from tautwave.report.figures.envelope import Floats
 from tautwave.report.run.scratch import Scratch
 from tautwave.report.units import number
@@ -27,6 +26,7 @@ from tautwave.wording import CouplingMessages
 
 if TYPE_CHECKING:
     from tautwave.recordings.recording import Recording
+    from tautwave.report.columns import Described
 
 WHOLE_CELLS = (
     12_000_000  # up to about 100 MB a recording is held in memory, above it is read by columns
@@ -100,6 +100,8 @@ class Run:
     @cached_property
     def described(self) -> dict[str, Described]:
         """Unit and meaning of each column that is known."""
+        from tautwave.report.columns import described  # of all that writes columns
+
         axes = {
             f"{side}.{name}": (str(keys.get("kind")), str(keys.get("causality")))
             for side in SIDES

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from tautwave.report.claims import kept_claims
-from tautwave.report.columns import is_own
 from tautwave.report.run.rundir import Run
 from tautwave.report.run.verdicts import units_of
 from tautwave.report.run.views import PairView
@@ -116,6 +115,8 @@ def plant_table(run: Run) -> Table:
 
 def reported_table(run: Run) -> Table:
     """The range of what drivers and law record beside what every rig does."""
+    from tautwave.report.columns import is_own
+
     columns = {name: of for name, of in run.described.items() if is_own(name)}
     ranges: dict[tuple[str, str], list[tuple[float, float, str, str]]] = {}
     for name, values in run.each(columns):

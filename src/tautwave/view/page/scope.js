@@ -51,6 +51,7 @@ export class Scope {
     el("run").onclick = () => this.go("off" === this.trigger.mode ? undefined : this.trigger.mode);
     el("pause").onclick = () => this.pause();
     el("single").onclick = () => this.single();
+    addEventListener("resize", () => { this.dirty = true; }); // paused, too
     el("all").onclick = () => { this.zoomed = false; this.dirty = true; if (!this.running) this.unzoom(); };
     el("clear").onclick = () => { this.cursors = { a: null, b: null }; this.dirty = true; };
     el("png").onclick = () => this.savePng();
