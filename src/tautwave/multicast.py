@@ -210,7 +210,8 @@ class Group:
             can_id, data, fd = said["arbitration_id"], said["data"], bool(said["is_fd"])
             last = _LAST_EXTENDED if said["is_extended_id"] else _LAST
             longest = 64 if fd else 8
-            if not (0 <= can_id <= last and isinstance(data, bytes) and len(data) <= longest):
+            whole = isinstance(can_id, int) and isinstance(data, bytes)
+            if not (whole and 0 <= can_id <= last and len(data) <= longest):
                 return None
             for key, bit in _BITS:
                 if said[key]:

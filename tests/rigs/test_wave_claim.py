@@ -281,7 +281,7 @@ def test_the_terms_are_those_of_the_docstring() -> None:
 @pytest.mark.parametrize("kinetic", [1e-9, 1.0, 64.0])
 @pytest.mark.parametrize("blind", [0.0, 1.0, 2.0, 9.0])
 def test_a_host_that_misses_nothing_does_not_stall(kinetic: float, blind: float) -> None:
-    """However little a device has at its velocity limit; it was told of as a gap of a period."""
+    """However little a device has at its velocity limit: one period between samples is no gap."""
     claim = PLAIN._replace(kinetic=kinetic, blind=blind)
     end = End("master.a", 0.0, 0.0, 1.0, 1.0, None, 0.5, stated_claim(claim, 1.0, None))
     assert end.stalled in {None, False}

@@ -113,8 +113,9 @@ def test_a_datagram_that_is_no_frame_is_passed_over(datagram: bytes) -> None:
     ("key", "value"),
     [
         ("arbitration_id", -1), ("arbitration_id", 0x800), ("arbitration_id", "1"),
-        ("arbitration_id", None), ("data", bytes(9)), ("data", "text"), ("data", None),
-        ("data", 1 << 40), ("is_fd", ...), ("is_extended_id", ...),
+        ("arbitration_id", None), ("arbitration_id", 17.0), ("data", bytes(9)),
+        ("data", "text"), ("data", None), ("data", 1 << 40), ("is_fd", ...),
+        ("is_extended_id", ...),
     ],
 )  # fmt: skip
 def test_a_frame_that_no_bus_has_is_passed_over(key: str, value: Any) -> None:
